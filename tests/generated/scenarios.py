@@ -166,6 +166,7 @@ class _Draw:
                 table["task"] = self._part("task", tasks.get(job["use"], "settled"))
             if job["use"] == "locate-source":
                 table["field"] = self._smell()
+                job["name"] = "beside"  # the mind may be one too
             if dice.random() < 0.5:
                 self._processors(table)
         return Scenario(self._number, table, self._place.files, self._place.solid)
@@ -334,7 +335,8 @@ class _Draw:
             },
             "stigmergy": {**called, "budget": lambda: self._maybe(100)},
             "locate-source": {
-                **called, "model": lambda: {"use": "diffusion", "diffusivity": 0.02}, "dt": lambda: 0.5,
+                "name": lambda: self._maybe("smell"), "dt": lambda: 0.5,
+                "model": lambda: {"use": "diffusion", "diffusivity": 0.02},
                 "pulse": lambda: 1.0, "duration": lambda: dice.choice((4.0, 20.0)), "spacing": lambda: 2.0,
                 "budget": lambda: self._maybe(100),
             },
