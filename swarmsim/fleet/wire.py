@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.charge import VERSION
 from swarmsim.core.messages import LATEST, FrameError
-from swarmsim.core.readings import Channels
+from swarmsim.core.readings import LONGEST, Channels
 from swarmsim.core.reports import Report
 from swarmsim.core.robot import Deed, Sensed
 from swarmsim.core.state import Intents
@@ -126,7 +126,7 @@ def intents_of(arrays: Arrays, actuators: Channels) -> Intents:
         raise FrameError(f"a decision of {len(arrays)} arrays; expected {4 + len(actuators)}")
     goal, way, numbers, twist, *commands = arrays
     count, width, planned = _check(numbers, "i4", (3,), "counts").tolist()
-    if way.ndim != 2 or not 0 <= count <= len(way) <= width <= 10_000_000 or planned not in (0, 1):
+    if way.ndim != 2 or not 0 <= count <= len(way) <= width <= LONGEST or planned not in (0, 1):
         raise FrameError(f"a way of shape {way.shape}, of which {count} points of {width} are used")
     _check(goal, "f8", (2,), "goal")
     _check(way, "f8", (len(way), 2), "way")
