@@ -7,13 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ROOT
-from fleet.crews import BytesCrew, fleet_of
+from fleet.crews import fleet_of
 
+from swarmsim import testing
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import registry
-from swarmsim.core.scenario.file import load
-from swarmsim.engine.build import build
-from swarmsim.recording.digests import DIGESTED, Digests
 
 ITERATIONS = 40
 ALL = sorted(
@@ -38,28 +35,14 @@ def path_of(scenario: str) -> Path:
     return ROOT / "scenarios" / f"{scenario}.toml"
 
 
-def check_same(path: Path, *overrides: str, iterations: int = ITERATIONS) -> None:
-    whole, apart = Digests(), Digests()
-    limit = f'stop={{iterations={iterations}, when_done="continue"}}'
-    build(load(path, [*overrides, limit]), str(path)).simulation.run([whole])
-    fleet = fleet_of(path, *overrides, iterations=iterations)
-    BytesCrew(fleet)
-    fleet.run.simulation.run([apart])
-    for iteration, (one, other) in enumerate(zip(whole.rows, apart.rows, strict=True)):
-        names = [*DIGESTED, "actuators"][: len(one) // 8]
-        differs = [name for at, name in enumerate(names) if one[8 * at : 8 * at + 8] != other[8 * at : 8 * at + 8]]
-        assert not differs, f"iteration {iteration}"
-    assert len(whole.rows) == iterations
-
-
 @pytest.mark.parametrize("scenario", [one for one in ALL if one not in COMPUTING])
 def test_robots_that_are_told_bytes_do_what_the_swarm_does(scenario: str) -> None:
-    check_same(path_of(scenario), iterations=LONGER.get(scenario, ITERATIONS))
+    testing.check_apart(path_of(scenario), iterations=LONGER.get(scenario, ITERATIONS))
 
 
 @pytest.mark.parametrize("overrides", EXPLORING)
 def test_so_they_do_with_faults_of_minds_and_whatever_they_share(overrides: list[str]) -> None:
-    check_same(path_of("exploring"), *overrides)
+    testing.check_apart(path_of("exploring"), overrides, ITERATIONS)
 
 
 @pytest.mark.parametrize("scenario", COMPUTING)
@@ -70,11 +53,19 @@ def test_jobs_are_refused_in_words(scenario: str) -> None:
 
 def test_a_fault_that_copies_knowledge_is_refused_in_words() -> None:
     fleet = fleet_of(path_of("room"), iterations=4)
-    BytesCrew(fleet)
     with pytest.raises(InputError, match=r"robots \[1\] would begin with the knowledge of robot 0, which is in a pro"):
         fleet.minds.copy_from(np.array([1]), 0)
 
 
+SCENARIO = f"""
+world = "{ROOT}/worlds/room.svg"
+mind.use = "./own.py:Counting"
+task = {{use = "travelled", distance = 1.0}}
+network.topology = {{use = "knn", k = 2}}
+
+[robots]
+count = 3
+"""
 OWN = """
 class Counting:
     message_fields = {"count": "i4"}
@@ -96,9 +87,14 @@ class Counting:
 
 def test_minds_of_ones_own_are_processes_too(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(OWN)
-    (tmp_path / "room.toml").write_text(
-        f'world = "{ROOT}/worlds/room.svg"\n[robots]\ncount = 3\n[network.topology]\nuse = "knn"\nk = 2\n'
-        '[task]\nuse = "travelled"\ndistance = 1.0\n[mind]\nuse = "./own.py:Counting"\n'
-    )
-    with registry.own_code(True):
-        check_same(tmp_path / "room.toml", iterations=12)
+    (tmp_path / "room.toml").write_text(SCENARIO)
+    testing.check_apart(tmp_path / "room.toml", iterations=12, allow_code=True)
+
+
+def test_what_depends_on_the_process_is_found(tmp_path: Path) -> None:
+    counted = OWN.replace("class Counting:", "class Counting:\n    made = 0\n")
+    counted = counted.replace("self.seen = 0", "Counting.made += 1\n        self.seen = Counting.made")
+    (tmp_path / "own.py").write_text(counted)
+    (tmp_path / "room.toml").write_text(SCENARIO)
+    with pytest.raises(testing.BrokenError, match=r"iteration 0: other \w+ when robots are told nothing but bytes"):
+        testing.check_apart(tmp_path / "room.toml", iterations=3, allow_code=True)

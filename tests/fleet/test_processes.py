@@ -22,7 +22,7 @@ from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError
 from swarmsim.core.readings import NOTHING
 from swarmsim.fleet import running, wire
-from swarmsim.fleet.lockstep import Lockstep
+from swarmsim.fleet.lockstep import WorldEnd
 from swarmsim.fleet.robot_process import FROM_ROBOTS, RobotProcess
 from swarmsim.fleet.transport import WORLD, LinkError
 from swarmsim.fleet.wire import Telegram
@@ -146,7 +146,7 @@ def test_what_the_air_loses_is_told_again_so_that_the_run_stays_the_same() -> No
     fleet, place = fleet_of(ROOM, iterations=8), "loses"
     charges = fleet.charges()
     world = transport("memory").open(place, WORLD)
-    crew = Lockstep(world, charges, NOTHING, fleet.minds.frame)
+    crew = WorldEnd(world, charges, NOTHING, fleet.minds.frame)
     robots = [RobotProcess(Deaf(transport("memory").open(place, number)), number) for number in range(ROBOTS)]
     threads = [threading.Thread(target=one.run) for one in robots]
     for one in threads:
@@ -170,7 +170,7 @@ def test_what_the_air_loses_is_told_again_so_that_the_run_stays_the_same() -> No
 def test_strangers_on_the_channel_are_counted_and_a_number_belongs_to_one() -> None:
     fleet, place = fleet_of(ROOM, iterations=2), "strangers"
     world = transport("memory").open(place, WORLD)
-    crew = Lockstep(world, fleet.charges(), NOTHING, fleet.minds.frame, lambda: "nobody is left")
+    crew = WorldEnd(world, fleet.charges(), NOTHING, fleet.minds.frame, lambda: "nobody is left")
     stranger = transport("memory").open(place, 9).channel(FROM_ROBOTS)
     for data in (b"", b"hello", Telegram(wire.DEED, 1).packed(), Telegram(wire.READY, 50).packed()):
         stranger.say(data)

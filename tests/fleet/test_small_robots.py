@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT
-from fleet.crews import BytesCrew, fleet_of
+from fleet.crews import fleet_of
+
+from swarmsim.testing.apart import BytesCrew
 
 HEAVY = ["h5py", "matplotlib", "pandas", "pygame", "pymunk", "scipy", "shapely"]
 ROOMS = ["swarmsim.api", "swarmsim.cli", "swarmsim.engine", "swarmsim.faults", "swarmsim.network", "swarmsim.recording",

@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 import pytest
 from conftest import ROOT
-from fleet.crews import BytesCrew, Diary, fleet_of
+from fleet.crews import fleet_of
 
 from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError
@@ -18,6 +18,7 @@ from swarmsim.core.messages import FrameError
 from swarmsim.core.robot import Robot
 from swarmsim.fleet import wire
 from swarmsim.fleet.wire import DEED, EARS, SENSED, Ears, Telegram
+from swarmsim.testing.apart import BytesCrew, Diary
 
 MUTANTS = 4000
 
