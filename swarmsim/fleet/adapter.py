@@ -20,7 +20,7 @@ class Felt:
     values: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # what else it senses, by its maker's names
 
 
-class Body(Protocol):
+class RobotBody(Protocol):
     """One robot's body, real or simulated. No verb waits for it."""
 
     def sense(self) -> Felt:
@@ -43,7 +43,7 @@ class Body(Protocol):
 class Adapter(Protocol):
     """Speaks to the body of a real robot."""
 
-    def open(self, robot: int) -> Body:
+    def open(self, robot: int) -> RobotBody:
         """Reach the body of the robot of this number. Raises InputError, in a sentence, if it does not answer."""
         ...
 

@@ -6,7 +6,6 @@ It runs in a process of its own, so that a mind which is killed, paused or stuck
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import select
 import subprocess
@@ -14,9 +13,8 @@ import sys
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from subprocess import PIPE
-from typing import IO, Annotated, Any, final
+from typing import IO, Annotated, Generic, TypeVar, final
 
 import msgspec
 from msgspec import Meta, Struct
@@ -24,8 +22,10 @@ from msgspec import Meta, Struct
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.part import Part
-from swarmsim.fleet.adapter import Adapter, Body, Felt
+from swarmsim.fleet.adapter import Adapter, Felt, RobotBody
 from swarmsim.fleet.transport import LinkError
+
+T = TypeVar("T")
 
 
 class Limits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -38,15 +38,39 @@ class Limits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     blind: bool = False  # whether a robot with a fence may go on while its pose is unknown
 
 
+class Order(Struct, frozen=True, omit_defaults=True):
+    """What a mind's process tells a guard."""
+
+    drive: tuple[float, float] | None = None  # m/s, rad/s
+    halt: bool | None = None  # whether to stand; False ends that
+
+
+class Account(Struct, frozen=True, omit_defaults=True):
+    """What a guard tells the mind's process, first that the body has answered and then what it knows."""
+
+    felt: Felt | None = None
+    why: str = ""  # the body stands; empty: it moves as told
+    problem: str = ""  # there is none, or none any more
+
+
+class _Asked(Struct, frozen=True):
+    """What a guard is started for."""
+
+    adapter: dict[str, object]  # the part's table
+    robot: int
+    limits: Limits
+    code: bool  # whether the part may be the user's own
+
+
 @final
-class Guard:
+class BodyGuard:
     """Passes commands on to a body, and stops it where it has to. Times are given, in s, so that it needs no clock.
 
     `why` says why the body stands: `halted`, `no fresh command`, `outside the fence`, `pose unknown`; empty if it moves
     as it is told.
     """
 
-    def __init__(self, body: Body, limits: Limits) -> None:
+    def __init__(self, body: RobotBody, limits: Limits) -> None:
         self._body, self._limits = body, limits
         self._wanted: tuple[float, float] | None = None
         self._told = -float("inf")  # when
@@ -97,18 +121,19 @@ class Guard:
 class GuardedBody:
     """A body behind a guard in a process of its own, as the mind's process has it."""
 
-    def __init__(self, adapter: Mapping[str, Any], robot: int, limits: Limits, allow_code: bool = False) -> None:
+    def __init__(self, adapter: Mapping[str, object], robot: int, limits: Limits, allow_code: bool = False) -> None:
         """`adapter` is the part's table. Raises InputError if the body does not answer."""
-        told = {"adapter": adapter, "robot": robot, "limits": msgspec.to_builtins(limits), "code": allow_code}
-        words = [sys.executable, "-m", "swarmsim.fleet.guard", json.dumps(told)]
+        asked = _Asked(dict(adapter), robot, limits, allow_code)
+        words = [sys.executable, "-m", "swarmsim.fleet.guard", msgspec.json.encode(asked).decode()]
         # A session of its own keeps Ctrl-C from it; it ends, and its body stands, when its input does.
         self._process = subprocess.Popen(words, stdin=PIPE, stdout=PIPE, start_new_session=True)
-        self._to, self._from = _Lines(self._process.stdin), _Lines(self._process.stdout)
+        self._to = _JsonLines(self._process.stdin, Order)
+        self._from = _JsonLines(self._process.stdout, Account)
         self._felt, self.why = Felt(), "no fresh command"
         first = self._from.next()
-        if first is None or "problem" in first:
+        if first is None or first.problem:
             self.close()
-            raise InputError(str(first["problem"]) if first else f"the guard of robot {robot} ended at once")
+            raise InputError(first.problem if first else f"the guard of robot {robot} ended at once")
 
     @property
     def pid(self) -> int:
@@ -118,24 +143,24 @@ class GuardedBody:
     def sense(self) -> Felt:
         """What the body knew when the guard looked last. Raises LinkError once that has ended."""
         for told in self._from.waiting():
-            if "problem" in told:
-                raise LinkError(str(told["problem"]))
-            self._felt, self.why = msgspec.convert(told["felt"], Felt), told["why"]
+            if told.problem:
+                raise LinkError(told.problem)
+            self._felt, self.why = told.felt or self._felt, told.why
         return self._felt
 
     def drive(self, ahead: float, turn: float) -> None:
-        self._to.put({"drive": [ahead, turn]})
+        self._to.put(Order(drive=(ahead, turn)))
 
     def stop(self) -> None:
-        self._to.put({"drive": [0.0, 0.0]})
+        self._to.put(Order(drive=(0.0, 0.0)))
 
     def halt(self) -> None:
         """The emergency stop."""
-        self._to.put({"halt": True})
+        self._to.put(Order(halt=True))
 
     def release(self) -> None:
         """End the emergency stop."""
-        self._to.put({"halt": False})
+        self._to.put(Order(halt=False))
 
     def close(self) -> None:
         self._to.close()
@@ -144,38 +169,39 @@ class GuardedBody:
 
 
 @final
-class _Lines:
-    """JSON values through a pipe, one a line."""
+class _JsonLines(Generic[T]):
+    """JSON values of one kind through a pipe, one a line."""
 
-    def __init__(self, pipe: IO[bytes] | None) -> None:
+    def __init__(self, pipe: IO[bytes] | None, kind: type[T]) -> None:
         if pipe is None:
             raise ValueError("no pipe")
-        self._pipe, self._partly, self._whole, self.ended = pipe, b"", deque[dict[str, Any]](), False
+        self._pipe, self._partly, self._whole, self.ended = pipe, b"", deque[T](), False
+        self._decoder = msgspec.json.Decoder(kind)
         self._rest = b""
         os.set_blocking(pipe.fileno(), False)
 
-    def put(self, told: Mapping[str, object]) -> None:
+    def put(self, told: T) -> None:
         """Send one, unless an earlier one still waits to be read. Raises LinkError if nobody reads any more."""
         try:
-            for piece in (b"", json.dumps(told).encode() + b"\n"):
+            for piece in (b"", msgspec.json.encode(told) + b"\n"):
                 self._rest = self._rest or piece
                 with contextlib.suppress(BlockingIOError):
                     self._rest = self._rest[os.write(self._pipe.fileno(), self._rest) :]
         except (OSError, ValueError) as problem:
             raise LinkError("the guard of a robot has ended") from problem
 
-    def waiting(self, seconds: float = 0.0) -> Iterator[dict[str, Any]]:
+    def waiting(self, seconds: float = 0.0) -> Iterator[T]:
         """All that have arrived, after waiting for the first at most so long."""
         while not self.ended and select.select([self._pipe], [], [], seconds)[0]:
             seconds = 0.0
             piece = os.read(self._pipe.fileno(), 65_536)
             self.ended = not piece
             *whole, self._partly = (self._partly + piece).split(b"\n")
-            self._whole += [json.loads(line) for line in whole]
+            self._whole += [self._decoder.decode(line) for line in whole]
         while self._whole:
             yield self._whole.popleft()
 
-    def next(self) -> dict[str, Any] | None:
+    def next(self) -> T | None:
         """The next one; None at the end."""
         while not self.ended:
             for one in self.waiting(1.0):
@@ -189,38 +215,36 @@ class _Lines:
 
 
 def main(told: str) -> None:
-    """Guard one body until the other side ends, and then let it stand."""
-    asked = json.loads(told)
-    mind, out = _Lines(sys.stdin.buffer), _Lines(sys.stdout.buffer)
-    limits = msgspec.convert(asked["limits"], Limits)
+    """BodyGuard one body until the other side ends, and then let it stand."""
+    asked = msgspec.json.decode(told, type=_Asked)
+    mind, out = _JsonLines(sys.stdin.buffer, Order), _JsonLines(sys.stdout.buffer, Account)
     try:
-        with registry.own_code(asked["code"]):
-            body = Part[Adapter]("adapter", asked["adapter"]).build(None).open(asked["robot"])
+        with registry.own_code(asked.code):
+            body = Part[Adapter]("adapter", asked.adapter).build(None).open(asked.robot)
     except InputError as problem:
-        out.put({"problem": str(problem)})
+        out.put(Account(problem=str(problem)))
         return
     with contextlib.closing(body), contextlib.suppress(LinkError):  # of a mind that has ended
-        out.put({})
+        out.put(Account())
         try:
-            _watch(Guard(body, limits), limits, mind, out)
+            _watch(BodyGuard(body, asked.limits), asked.limits, mind, out)
         except LinkError as problem:  # of a body, too
-            out.put({"problem": str(problem)})
+            out.put(Account(problem=str(problem)))
 
 
-def _watch(guard: Guard, limits: Limits, mind: _Lines, out: _Lines) -> None:
+def _watch(guard: BodyGuard, limits: Limits, mind: _JsonLines[Order], out: _JsonLines[Account]) -> None:
     while not mind.ended:
         due = time.monotonic() + 1.0 / limits.rate
         while (left := due - time.monotonic()) > 0.0 and not mind.ended:
             for told in mind.waiting(left):
-                if "drive" in told:
-                    ahead, turn = told["drive"]
-                    guard.drive(ahead, turn, time.monotonic())
-                elif told.get("halt"):
+                if told.drive is not None:
+                    guard.drive(*told.drive, time.monotonic())
+                elif told.halt:
                     guard.halt()
                 else:
                     guard.release()
         felt = guard.tick(time.monotonic())
-        out.put({"felt": asdict(felt), "why": guard.why})
+        out.put(Account(felt, guard.why))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from fleet.places import free, until
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.part import Part
 from swarmsim.fleet.adapter import Adapter, Felt
-from swarmsim.fleet.guard import Guard, GuardedBody, Limits
+from swarmsim.fleet.guard import BodyGuard, GuardedBody, Limits
 from swarmsim.fleet.transport import LinkError
 
 
@@ -43,7 +43,7 @@ class Shell:
 
 def test_a_body_stands_until_it_is_told_to_move_and_once_it_is_told_no_more() -> None:
     body = Shell()
-    guard = Guard(body, Limits(period=2.0))
+    guard = BodyGuard(body, Limits(period=2.0))
     assert body.moves is None
     guard.tick(0.0)
     assert (body.moves, guard.why) == (None, "no fresh command")
@@ -60,7 +60,7 @@ def test_a_body_stands_until_it_is_told_to_move_and_once_it_is_told_no_more() ->
 
 def test_an_emergency_stop_holds_until_it_is_released_and_forgets_what_was_wanted() -> None:
     body = Shell()
-    guard = Guard(body, Limits())
+    guard = BodyGuard(body, Limits())
     guard.drive(0.1, 0.0, 0.0)
     guard.tick(0.0)
     guard.halt()
@@ -89,7 +89,7 @@ def test_an_emergency_stop_holds_until_it_is_released_and_forgets_what_was_wante
 )
 def test_a_body_outside_of_its_fence_stands(pose, blind: bool, why: str) -> None:
     body = Shell()
-    guard = Guard(body, Limits(fence=(0.0, 0.0, 2.0, 2.0), blind=blind))
+    guard = BodyGuard(body, Limits(fence=(0.0, 0.0, 2.0, 2.0), blind=blind))
     body.pose = pose
     guard.drive(0.1, 0.0, 0.0)
     guard.tick(0.0)

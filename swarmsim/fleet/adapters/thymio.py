@@ -8,7 +8,7 @@ import io
 import socket
 import threading
 import time
-from typing import TYPE_CHECKING, Annotated, Any, Final, final
+from typing import TYPE_CHECKING, Annotated, Final, final
 
 from msgspec import Meta, Struct
 
@@ -19,6 +19,7 @@ from swarmsim.fleet.transport import LinkError
 
 if TYPE_CHECKING:
     from thymiodirect.connection import Connection
+    from typing_extensions import Buffer
 
 _LOOK: Final = 0.05  # s between two readings
 _SILENCE: Final = 2.0  # s without a reading, after which the robot counts as gone
@@ -51,18 +52,22 @@ class ThymioAdapter(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             ) from problem
         return ThymioBody(self, Connection(self._line(), refreshing_rate=_LOOK), robot)
 
-    def _line(self) -> Any:  # noqa: ANN401 - pyserial's port, or one like it
+    def _line(self) -> io.RawIOBase:
         try:
             if ":" in self.port:
                 place = Address.of(self.port, "thymio")
                 return TcpLine(socket.create_connection((place.host, place.port), self.patience))
-            import serial
-            from thymiodirect.connection import Connection
-
-            return serial.Serial(self.port or Connection.serial_default_port(), timeout=1)
+            return self._serial()
         except OSError as problem:
             where = self.port or "any serial port"
             raise InputError(f"adapter thymio: nothing answers at {where} ({problem}); expected a Thymio") from problem
+
+    def _serial(self) -> io.RawIOBase:
+        import serial
+        from thymiodirect.connection import Connection
+
+        port: io.RawIOBase = serial.Serial(self.port or Connection.serial_default_port(), timeout=1)
+        return port
 
 
 @final
@@ -92,9 +97,9 @@ class TcpLine(io.RawIOBase):
         found, self._arrived = self._arrived[:size], self._arrived[size:]
         return found
 
-    def write(self, told: Any) -> int:  # noqa: ANN401 - any bytes, as of its base
+    def write(self, told: Buffer) -> int:
         self._connection.sendall(told)
-        return len(told)
+        return memoryview(told).nbytes
 
     def close(self) -> None:
         self._connection.close()
