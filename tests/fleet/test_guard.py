@@ -8,11 +8,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fleet.places import free, until
+from fleet.places import for_a_while, free, until
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.part import Part
@@ -121,14 +121,6 @@ def targets(robot: subprocess.Popen[str], seconds: float, wanted: list[int]) -> 
     while [int(word) for word in robot.stdout.readline().split()] != wanted:
         assert time.monotonic() - begun < seconds
     return time.monotonic() - begun
-
-
-def for_a_while(verb: Callable[[], object]) -> None:
-    """Do it again and again for 6 s, or until it raises."""
-    ends = time.monotonic() + 6.0
-    while time.monotonic() < ends:
-        verb()
-        time.sleep(0.02)
 
 
 def test_a_thymio_drives_turns_and_sees_the_wall(thymio: tuple[str, subprocess.Popen[str]]) -> None:
