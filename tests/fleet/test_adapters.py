@@ -61,7 +61,7 @@ def test_commands_are_the_bytes_that_another_library_packs() -> None:
     read = ros2_messages.LaserScan.deserialize(scan([0.5, 1.5]))
     assert list(read.ranges) == [0.5, 1.5]
     assert STORE.deserialize_cdr(read.serialize(), "sensor_msgs/msg/LaserScan").range_max == 8.0
-    assert bytes(ros2_messages.Odometry.deserialize(odometry(1.0, 2.0, 0.5, 0.1, 0.0)).serialize()) == odometry(
+    assert bytes(ros2_messages.RosOdometry.deserialize(odometry(1.0, 2.0, 0.5, 0.1, 0.0)).serialize()) == odometry(
         1.0, 2.0, 0.5, 0.1, 0.0
     )
 

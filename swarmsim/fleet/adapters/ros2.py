@@ -128,7 +128,7 @@ class Ros2Body:
         return read
 
     def _odometry(self, data: bytes) -> None:
-        told = self._messages.Odometry.deserialize(data)
+        told = self._messages.RosOdometry.deserialize(data)
         place, turned = told.pose.pose.position, told.pose.pose.orientation
         yaw = math.atan2(
             2.0 * (turned.w * turned.z + turned.x * turned.y), 1.0 - 2.0 * (turned.y * turned.y + turned.z * turned.z)

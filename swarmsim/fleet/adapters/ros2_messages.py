@@ -74,7 +74,7 @@ class TwistWithCovariance(IdlStruct, typename="geometry_msgs/msg/TwistWithCovari
 
 
 @dataclass
-class Odometry(IdlStruct, typename="nav_msgs/msg/Odometry"):
+class RosOdometry(IdlStruct, typename="nav_msgs/msg/Odometry"):
     """Where a robot believes that it is, and how fast it moves."""
 
     header: Header
