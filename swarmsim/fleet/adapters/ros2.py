@@ -48,7 +48,7 @@ class Ros2(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             raise InputError(
                 "adapter ros2: needs eclipse-zenoh and pycdr2; install them with: pip install 'swarmsim-lab[ros2]'"
             ) from problem
-        place, config = Address.of(self.address, "ros2"), zenoh.Config()
+        place, config = Address.of(self.address, "adapter ros2"), zenoh.Config()
         for key, value in {
             "mode": "client",
             "scouting/multicast/enabled": False,

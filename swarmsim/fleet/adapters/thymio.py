@@ -55,7 +55,7 @@ class ThymioAdapter(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     def _line(self) -> io.RawIOBase:
         try:
             if ":" in self.port:
-                place = Address.of(self.port, "thymio")
+                place = Address.of(self.port, "adapter thymio")
                 return TcpLine(socket.create_connection((place.host, place.port), self.patience))
             return self._serial()
         except OSError as problem:

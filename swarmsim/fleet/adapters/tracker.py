@@ -34,7 +34,7 @@ class Tracker(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def open(self, robot: int) -> TrackedBody:
         """Reach the body, and listen. Raises InputError for a port that is taken."""
-        place = Address.of(self.listen, "tracker")
+        place = Address.of(self.listen, "adapter tracker")
         body = self.over.build(None, "over").open(robot)
         camera = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         camera.setblocking(False)
