@@ -176,7 +176,14 @@ class _Session:
 
     def _publisher(self, key: str, congestion: zenoh.CongestionControl) -> zenoh.Publisher:
         return self._session.declare_publisher(
-            key, congestion_control=congestion, express=True, allowed_destination=self._zenoh.Locality.REMOTE
+            key,
+            congestion_control=congestion,
+            express=True,
+            allowed_destination=self._zenoh.Locality.REMOTE,
+            # A lane of its own for the air: frames would wait for a telegram that blocks theirs.
+            priority=self._zenoh.Priority.INTERACTIVE_HIGH
+            if congestion == self._zenoh.CongestionControl.DROP
+            else None,
         )
 
     def _changed(self, sample: zenoh.Sample) -> None:
