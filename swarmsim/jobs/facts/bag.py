@@ -112,7 +112,7 @@ def bag(work: BagWork, keys: Carried, context: BuildContext) -> Tellers[Hand]:
         raise InputError(f"items: results of {size} bytes; expected 1 to {LONGEST // NUMBER.itemsize} numbers")
     check_budget(keys.budget, [size], "a result")
     tally = BagTally(work, keys.name, len(context.ids))
-    return Tellers(context, lambda robot: Hand(work, keys, context, robot), tally, type(work), (RESULTS,))
+    return Tellers(context, lambda robot: Hand(work, keys, context, robot), tally, type(work), tables=(RESULTS,))
 
 
 class Hand:

@@ -98,7 +98,7 @@ class Coldest(Shared, frozen=True, forbid_unknown_fields=True, kw_only=True):
         grid[tuple(cells.T)] = np.concatenate([state, around])
         row, column = piece.cells.T + 1
         near = grid[row - 1, column], grid[row, column - 1], grid[row, column + 1], grid[row + 1, column]
-        return np.minimum.reduce([state, *near])
+        return np.asarray(np.minimum.reduce([state, *near]))
 
     def work(self, piece: Piece) -> float:
         return 4.0 * len(piece.cells)
