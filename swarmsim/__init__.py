@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     )
     from swarmsim.api.doctor import doctor
     from swarmsim.api.expectations import Expectations, open_expectations, test
+    from swarmsim.api.fleets import fleet_up, robot_charge
     from swarmsim.api.imports import world_import
     from swarmsim.api.papers import reproduce
     from swarmsim.api.radios import radio_airtime
@@ -49,10 +50,9 @@ __version__ = "0.1.0"
 __all__ = [
     "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board",
     "benchmark_explore", "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor",
-    "example", "examples", "examples_copy", "new", "open", "open_expectations", "open_study", "parts", "radio_airtime",
-    "radio_keys", "reproduce",
-    "run", "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert",
-    "world_generate", "world_import", "world_preview",
+    "example", "examples", "examples_copy", "fleet_up", "new", "open", "open_expectations", "open_study", "parts",
+    "radio_airtime", "radio_keys", "reproduce", "robot_charge", "run", "schema", "simulate", "size", "study",
+    "study_worst", "test", "world_check", "world_convert", "world_generate", "world_import", "world_preview",
 ]  # fmt: skip
 
 _PLACES = {
@@ -72,6 +72,7 @@ _PLACES = {
     "example": "core.scenario.shipped:example",
     "examples": "core.scenario.shipped:examples",
     "examples_copy": "core.scenario.shipped:copy",
+    "fleet_up": "api.fleets:fleet_up",
     "new": "api.skeletons:new",
     "open": "api.runs:open",
     "open_expectations": "api.expectations:open_expectations",
@@ -80,6 +81,7 @@ _PLACES = {
     "radio_airtime": "api.radios:radio_airtime",
     "radio_keys": "fleet.keyring:write_keys",
     "reproduce": "api.papers:reproduce",
+    "robot_charge": "api.fleets:robot_charge",
     "run": "api.runs:run",
     "schema": "core.scenario.schema:schema",
     "simulate": "api.runs:simulate",

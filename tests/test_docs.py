@@ -18,7 +18,7 @@ from offspring import Offspring
 from typer.core import TyperGroup
 
 from swarmsim.cli import app
-from swarmsim.core.events import Begins
+from swarmsim.core.events import Begins, PieceTaken
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import decode, load
 from swarmsim.core.seams import SEAMS
@@ -33,6 +33,7 @@ SCENARIOS = sorted(
         *ROOT.glob("scenarios/*.toml"),
         *ROOT.glob("scenarios/faults/*"),
         *ROOT.glob("scenarios/operations/*"),
+        *ROOT.glob("scenarios/computing/*"),
         *ROOT.glob("scenarios/worlds/*"),
     ]
 )
@@ -173,7 +174,7 @@ def test_the_commands_for_contributors_run(tmp_path: Path) -> None:
 
 
 #: Pages whose listings are files that belong together, with their own tests.
-TOLD = ("docs/benchmark.md", "docs/minds.md", "docs/own.md", "docs/papers.md")
+TOLD = ("docs/benchmark.md", "docs/computing.md", "docs/minds.md", "docs/own.md", "docs/papers.md")
 ROOM = {**tomllib.loads((ROOT / "scenarios" / "basilica.toml").read_text()), "world": "worlds/basilica.svg"}
 FRAGMENTS = [(page, text) for page in PAGES if page not in TOLD for text in blocks(page, "toml")]
 
@@ -315,9 +316,33 @@ def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_pat
     assert any(one["nearby_known"].any() for one in after.values())
 
 
+def test_the_job_of_the_page_is_done_taken_over_and_filmed(copy: Path, offspring: Offspring, tmp_path: Path) -> None:
+    listings = blocks("docs/computing.md", "python")
+    for listing in listings:
+        assert listing.count("\n") <= 40
+        (tmp_path / listing.splitlines()[0].removeprefix("# ")).write_text(listing)
+    fragment, scenario = blocks("docs/computing.md", "toml")
+    test_every_listing_of_a_scenario_or_study_can_be_read("docs/computing.md", fragment, tmp_path)
+    (tmp_path / "warm.toml").write_text(scenario)
+    (tmp_path / "worlds").symlink_to(copy / "worlds")
+    (command,) = [line for line in commands_of("docs/computing.md") if " warm.toml" in line]
+    ended = done(command, tmp_path, offspring)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert (tmp_path / "runs" / "warm.mp4").stat().st_size > 10_000
+    recording = Recording(tmp_path / "runs" / "warm")
+    assert recording["error_sequential"][-1] == 0.0
+    assert {one.robots[1] for one in recording.events() if isinstance(one, PieceTaken)} == {1}
+    field = next(one for one in recording.probes[0].tables if one.drawn == "field")
+    assert (field.unit, recording["heat.field"].shape[1:]) == ("K", recording.lattice.shape)
+    tried = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_heat.py"]
+    subprocess.run(tried, cwd=tmp_path, check=True)
+
+
 def test_the_tables_of_the_pages_list_every_scenario() -> None:
+    others = sorted(f"docs/{path.name}" for path in ROOT.glob("docs/computing*.md"))
     pages = "".join(
-        (ROOT / page).read_text() for page in ("README.md", "docs/faults.md", "docs/operations.md", "docs/worlds.md")
+        (ROOT / page).read_text()
+        for page in ("README.md", "docs/faults.md", "docs/operations.md", "docs/worlds.md", *others)
     )
     listed = set(re.findall(r"`(scenarios/[\w/-]+\.toml)`", pages))
     listed |= {f"scenarios/worlds/{name}.toml" for name in re.findall(r"figures/world-(\w+)\.png", pages)}

@@ -65,16 +65,10 @@ def charge(
 
     Example: swarmsim robot charge scenarios/basilica.toml --id 3 --out build/3.charge
     """
-    from swarmsim.api.fleets import charge as charge_of
-    from swarmsim.core.errors import unwritten
+    from swarmsim.api.fleets import robot_charge
 
-    told = charge_of(scenario, id_, seed, set_).packed()
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_bytes(told)
-    except OSError as problem:
-        raise unwritten(f"--out {out}", problem) from problem
-    print(f"{out}: {len(told)} bytes, for robot {id_}")
+    written = robot_charge(scenario, out, id_=id_, seed=seed, overrides=set_, allow_code=allow_code)
+    print(f"{written}: {written.stat().st_size} bytes, for robot {id_}")
 
 
 @robot.command("run")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,12 @@ class Make(Protocol):
 class Hold(Protocol):
     """Gives a half of a mind, guarded or as it is."""
 
-    def __call__(self, seam: str, part: Any, one: BuiltMind) -> Any: ...  # noqa: ANN401 - same type out as in
+    def __call__(self, seam: str, part: P, one: BuiltMind) -> P: ...
+
+
+def unguarded(seam: str, part: P, one: BuiltMind) -> P:
+    """The half itself."""
+    return part
 
 
 def as_it_is(part: Part[P], context: BuildContext, place: str) -> P:
@@ -88,9 +93,7 @@ def _built(
     )  # fmt: skip
 
 
-def together(
-    found: Sequence[BuiltMind], swarm: Manned, hold: Hold = lambda seam, part, one: part
-) -> tuple[AnyComputation, AnyStrategy]:
+def together(found: Sequence[BuiltMind], swarm: Manned, hold: Hold = unguarded) -> tuple[AnyComputation, AnyStrategy]:
     """The computation and the strategy of all robots of these minds; `hold` is asked for the halves of several.
 
     Raises InputError for too many kinds of messages.

@@ -7,16 +7,16 @@ from dataclasses import fields
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarmsim.core.adapters.minds import OwnMinds
 from swarmsim.core.capabilities import Capability
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import FrameError, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation
+from swarmsim.core.readings import Column
 from swarmsim.core.state import Estimates, Knowledge
 
-Report = tuple[NDArray[Any], ...]  # of one robot, in one iteration
+Report = tuple[Column, ...]  # of one robot, in one iteration
 
 
 class Reporting(Protocol):

@@ -115,7 +115,7 @@ class Seams(Mapping[str, Seam]):
     """All seams by name: first those with a place in a scenario, then those declared by distributions."""
 
     def __getitem__(self, name: str) -> Seam:
-        return PLACED[name] if name in PLACED else _declared()[name]
+        return PLACED[name] if name in PLACED else _loaded(distributions.parts().get(GROUP, {})[name])
 
     def __iter__(self) -> Iterator[str]:
         yield from PLACED

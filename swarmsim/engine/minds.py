@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TypeVar
 
 from swarmsim.core import assembly
 from swarmsim.core.assembly import BuiltMind
@@ -13,6 +13,8 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.engine.foreign import make
 from swarmsim.engine.guard import Clock, held
+
+P = TypeVar("P")
 
 
 def built_for(scenario: Scenario, context: BuildContext) -> list[BuiltMind]:
@@ -28,10 +30,11 @@ def together(
     With a clock, third-party halves are guarded, or all if `strict`. Raises InputError for too many kinds of messages.
     """
 
-    def hold(seam: str, part: Any, one: BuiltMind) -> Any:  # noqa: ANN401 - same type out as in
+    def hold(seam: str, part: P, one: BuiltMind) -> P:
         ours = registry.is_ours(part)
         if clock is None or (ours and not strict):
             return part
-        return held(seam, part, one.context, clock, not ours, f" of group {one.names[0]!r}")
+        found: P = held(seam, part, one.context, clock, not ours, f" of group {one.names[0]!r}")
+        return found
 
     return assembly.together(found, scenario, hold)

@@ -51,7 +51,7 @@ def watching(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clo
                 )
             declared = _declared(asked.name, asked.every, _tables(probe, part.use), part.use)
             found.append(Watching(declared, _held("probe", probe, registry.author_of(probe), declared, context, clock)))
-    shown = {} if parts.jobs is None else parts.jobs.tables
+    shown = _shown(parts)
     for number, job in enumerate(scenario.jobs):
         if tables := shown[name_of(job)]:
             with _inside(f"jobs[{number}]"):
@@ -60,6 +60,16 @@ def watching(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clo
                 found.append(Watching(declared, _held("job", watch, author, declared, context, clock)))
     _check_names(found, len(scenario.probes), context)
     return tuple(found)
+
+
+def _shown(parts: Parts) -> Mapping[str, tuple[ProbeTable, ...]]:
+    """What jobs declare, by name. Raises InputError if one fails."""
+    try:
+        return {} if parts.jobs is None else parts.jobs.tables
+    except BaseException as problem:
+        if not is_failure(problem):
+            raise
+        raise InputError(f"jobs: one of them cannot say what it shows: {told(problem)}") from problem
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from swarmsim.fleet.wire import Ears, Telegram
 _LOOK: Final = 0.2  # s between two looks at who is still there
 
 
-class Lockstep:
+class WorldEnd:
     """The robots of a fleet, at the other end of a link."""
 
     def __init__(

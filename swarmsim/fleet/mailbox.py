@@ -88,7 +88,7 @@ class BoxedLink:
     ) -> None:
         """`kind` is the transport's name, for messages; `leave` is called once, on closing."""
         self.mtu, self.counts = mtu, box.counts
-        self.wait, self.airtime, self.present = box.wait, airtime, present
+        self.airtime, self.present = airtime, present
         self._kind, self._box, self._send, self._open, self._leave = kind, box, send, channel, leave
         self._channels: list[BoxedLink] = []
         self._closed = False
@@ -100,6 +100,9 @@ class BoxedLink:
 
     def heard(self) -> list[Heard]:
         return [] if self._closed else self._box.drain()
+
+    def wait(self, seconds: float) -> bool:
+        return self._box.wait(seconds) and not self._closed
 
     def channel(self, name: str) -> BoxedLink:
         self._check()

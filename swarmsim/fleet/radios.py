@@ -9,7 +9,7 @@ from typing import Final
 
 
 @dataclass(frozen=True, slots=True)
-class Radio:
+class RadioKind:
     """A radio as robots would use it: broadcasts without answers."""
 
     mtu: int  # bytes of a codec that fit into one of its frames
@@ -66,11 +66,11 @@ def esp_now(length: int) -> float:
 
 
 #: By name. LoRa's mtu is that of the chip; LoRaWAN allows 222 bytes at SF7 and 51 at SF12.
-RADIOS: Final[Mapping[str, Radio]] = {
-    "LoRa SF7": Radio(255, lambda length: lora(7, length), "Semtech SX1276"),
-    "LoRa SF12": Radio(255, lambda length: lora(12, length), "Semtech SX1276"),
-    "BLE": Radio(27, advertisement, "Bluetooth Core 5.4"),
-    "BLE extended": Radio(241, extended_advertisement, "Bluetooth Core 5.4"),
-    "802.15.4": Radio(116, ieee_802_15_4, "IEEE 802.15.4-2020"),
-    "ESP-NOW": Radio(250, esp_now, "Espressif ESP-NOW"),
+RADIOS: Final[Mapping[str, RadioKind]] = {
+    "LoRa SF7": RadioKind(255, lambda length: lora(7, length), "Semtech SX1276"),
+    "LoRa SF12": RadioKind(255, lambda length: lora(12, length), "Semtech SX1276"),
+    "BLE": RadioKind(27, advertisement, "Bluetooth Core 5.4"),
+    "BLE extended": RadioKind(241, extended_advertisement, "Bluetooth Core 5.4"),
+    "802.15.4": RadioKind(116, ieee_802_15_4, "IEEE 802.15.4-2020"),
+    "ESP-NOW": RadioKind(250, esp_now, "Espressif ESP-NOW"),
 }

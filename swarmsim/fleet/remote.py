@@ -19,7 +19,7 @@ from swarmsim.faults.delegate import ComputationDelegate
 from swarmsim.fleet.wire import Ears
 
 
-class Crew(Protocol):
+class Answering(Protocol):
     """The robots, wherever they are, in step with the world."""
 
     def sense(self, sensed: Sequence[Sensed]) -> list[bytes]:
@@ -47,7 +47,7 @@ class RemoteMinds(ComputationDelegate):
         #: The strategy beside it.
         self.strategy = RemoteStrategy(self, parts.strategy)
         #: The robots. They have to be there before the first iteration.
-        self.crew: Crew | None = None
+        self.crew: Answering | None = None
         self._frames: dict[tuple[int, int], bytes] = {}  # by sender and iteration, while they may be under way
         self._forgets: set[int] = set()
         self._deeds: list[Deed] = []
@@ -72,7 +72,7 @@ class RemoteMinds(ComputationDelegate):
         sizes = np.array([len(frame) for frame in frames], np.int32)
         return Broadcast(content, ends, sizes, one_each=bool((np.diff(ends, prepend=0) == 1).all()))
 
-    def _there(self) -> Crew:
+    def _there(self) -> Answering:
         if self.crew is None:
             raise RuntimeError("an iteration before the robots are there")
         return self.crew

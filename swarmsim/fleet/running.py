@@ -20,7 +20,7 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.engine.build import BuiltRun, build
 from swarmsim.fleet.addresses import LOOPBACK
-from swarmsim.fleet.lockstep import Lockstep
+from swarmsim.fleet.lockstep import WorldEnd
 from swarmsim.fleet.remote import RemoteMinds
 from swarmsim.fleet.robot_process import opened
 from swarmsim.fleet.transport import WORLD, LinkError
@@ -53,7 +53,7 @@ def assembled(scenario: Scenario, name: str) -> Fleet:
 
 
 @contextmanager
-def up(fleet: Fleet, transport: str, address: str | None = None) -> Iterator[Lockstep]:
+def up(fleet: Fleet, transport: str, address: str | None = None) -> Iterator[WorldEnd]:
     """Within this context the robots are there, each in a process of its own that ends with it, or with this process.
 
     Without an address they meet at a free port of this machine. Raises InputError for what cannot work and PartError
@@ -67,7 +67,7 @@ def up(fleet: Fleet, transport: str, address: str | None = None) -> Iterator[Loc
     try:
         _check_lengths(fleet, link.mtu, transport)
         actuators = fleet.run.context.actuators
-        crew = Lockstep(link, charges, actuators, fleet.minds.frame, lambda: _lost(processes))
+        crew = WorldEnd(link, charges, actuators, fleet.minds.frame, lambda: _lost(processes))
         processes.extend(_started(robot, transport, place) for robot in range(len(charges)))
         crew.gather()
         fleet.minds.crew = crew

@@ -10,14 +10,14 @@ import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.charge import VERSION
 from swarmsim.core.messages import LATEST, FrameError
-from swarmsim.core.readings import Channels
+from swarmsim.core.readings import LONGEST, Channels, Column
 from swarmsim.core.reports import Report
 from swarmsim.core.robot import Deed, Sensed
 from swarmsim.core.state import Intents
@@ -32,7 +32,7 @@ _TYPES: Final = tuple(np.dtype(one) for one in ("?", "u1", "i1", "u2", "i2", "u4
 _MOST_SIDES: Final = 8
 _ABSENT: Final = np.empty((0, 0, 0), np.uint8)  # in the place of an array that is not there
 
-Arrays = tuple[NDArray[Any], ...]
+Arrays = tuple[Column, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +60,7 @@ class Telegram:
             raise FrameError(f"a telegram of version {version}; expected {VERSION}")
         if kind > END or iteration > LATEST:
             raise FrameError(f"a telegram of kind {kind} and iteration {iteration}")
-        at, arrays, found = _HEAD.size, list[NDArray[Any]](), list[bytes]()
+        at, arrays, found = _HEAD.size, list[Column](), list[bytes]()
         for _ in range(count):
             array, at = _array(data, at)
             arrays.append(array)
@@ -75,7 +75,7 @@ class Telegram:
         return cls(kind, robot, iteration, tuple(arrays), tuple(found))
 
 
-def _packed(array: NDArray[Any]) -> bytes:
+def _packed(array: Column) -> bytes:
     array = np.asarray(array)
     kind = _TYPES.index(array.dtype)
     sides = b"".join(_SIDE.pack(side) for side in array.shape)
@@ -89,7 +89,7 @@ def _number(data: bytes, at: int, form: struct.Struct) -> int:
     return int(found)
 
 
-def _array(data: bytes, at: int) -> tuple[NDArray[Any], int]:
+def _array(data: bytes, at: int) -> tuple[Column, int]:
     """An array, and where it ends."""
     if at + 2 > len(data) or data[at] >= len(_TYPES) or data[at + 1] > _MOST_SIDES:
         raise FrameError(f"a telegram without the array that should begin at {at}")
@@ -104,7 +104,7 @@ def _array(data: bytes, at: int) -> tuple[NDArray[Any], int]:
     return held.astype(kind), begins + size
 
 
-def _check(array: NDArray[Any], kind: str, shape: tuple[int, ...], what: str) -> NDArray[Any]:
+def _check(array: Column, kind: str, shape: tuple[int, ...], what: str) -> Column:
     if array.dtype != np.dtype(kind) or array.shape != shape:
         raise FrameError(f"{what}: {array.dtype} of shape {array.shape}; expected {np.dtype(kind)} of {shape}")
     return array
@@ -126,7 +126,7 @@ def intents_of(arrays: Arrays, actuators: Channels) -> Intents:
         raise FrameError(f"a decision of {len(arrays)} arrays; expected {4 + len(actuators)}")
     goal, way, numbers, twist, *commands = arrays
     count, width, planned = _check(numbers, "i4", (3,), "counts").tolist()
-    if way.ndim != 2 or not 0 <= count <= len(way) <= width <= 10_000_000 or planned not in (0, 1):
+    if way.ndim != 2 or not 0 <= count <= len(way) <= width <= LONGEST or planned not in (0, 1):
         raise FrameError(f"a way of shape {way.shape}, of which {count} points of {width} are used")
     _check(goal, "f8", (2,), "goal")
     _check(way, "f8", (len(way), 2), "way")

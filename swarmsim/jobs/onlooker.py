@@ -30,7 +30,8 @@ class ObservedJob:
     """A job in pieces, looked at after each exchange.
 
     The age of a halo is the time from the exchange in which somebody first made it to the one in which a step used it,
-    less the one exchange that it takes at least. That of a step is the mean over the pieces that it reads.
+    less the one exchange that it takes at least. That of a step is the mean over the pieces that it reads; steps done
+    once more do not count, since what they read is old for another reason.
     """
 
     def __init__(self, job: PieceJob, keys: Shared, context: BuildContext) -> None:
@@ -90,8 +91,9 @@ class ObservedJob:
             for one in range(last + 1 if last >= 0 else now, now + 1):
                 self._made[piece].setdefault(one, self._clock)
         for row, piece in changed:
-            if before[row, piece] >= 0:
-                self._used(row, piece, int(step[row, piece]) - 1)
+            now = int(step[row, piece])
+            if before[row, piece] >= 0 and self._made[piece][now] == self._clock:
+                self._used(row, piece, now - 1)
         for made in self._made:
             while len(made) > REMEMBERED * self._plan.job.level + 1:
                 del made[min(made)]

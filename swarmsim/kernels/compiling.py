@@ -78,7 +78,7 @@ def watched(told) -> Iterator[None]:
         yield
         return
 
-    class Watch(event.Listener):
+    class Compiling(event.Listener):
         def on_start(self, event):
             kernel = event.data["dispatcher"].py_func
             if kernel.__module__.startswith(__package__):  # and not one of numba's own
@@ -87,7 +87,7 @@ def watched(told) -> Iterator[None]:
         def on_end(self, event):
             pass
 
-    watch = Watch()
+    watch = Compiling()
     event.register("numba:compile", watch)
     try:
         yield

@@ -1,7 +1,4 @@
-"""Frontiers and shortest paths on occupancy grids.
-
-Grids are indexed (row, column); inside the searches a cell is its row-major index.
-"""
+"""Frontiers and shortest paths on occupancy grids (row, column); inside searches a cell is its row-major index."""
 
 from __future__ import annotations
 

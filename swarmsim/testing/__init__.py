@@ -11,6 +11,7 @@ def test_my_mind(check):
 Each check raises BrokenError, an AssertionError that says what was broken, or InputError for an invalid scenario.
 """
 
+from swarmsim.testing.apart import check_apart
 from swarmsim.testing.broken import BrokenError
 from swarmsim.testing.every import check_contracts, parametrize_with_checks
 from swarmsim.testing.jobs import check_job
@@ -22,6 +23,7 @@ __all__ = [
     "ITERATIONS",
     "BrokenError",
     "check_alone",
+    "check_apart",
     "check_contracts",
     "check_determinism",
     "check_job",

@@ -117,7 +117,7 @@ class Panel:
         unit = curve.label.partition(", ")[2]
         if unit == "%":
             scaled = np.floor(10.0 * curve.scale * value) / 10.0  # 100 % is all of it
-        return f"{scaled:{curve.format}} {unit}".rstrip()
+        return "none" if np.isnan(value) else f"{scaled:{curve.format}} {unit}".rstrip()
 
     def _widest(self) -> str:
         """The longest text for a value of the curve."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -115,3 +116,18 @@ def test_robots_compute_how_a_greenhouse_cools_and_where_it_is_coldest() -> None
     run = sw.run(FORECAST)
     assert run.finished
     assert run.iterations > 40  # a ring of five, where news travels one robot an exchange
+
+
+def test_a_kite_drifts_and_stands_still_against_the_wind() -> None:
+    body = Part("adapter", {"use": "kite", "wind": 0.5}).build(None).open(3)
+    start = body.sense().pose
+    body.drive(-0.5, 0.0)
+    held, began = body.sense().pose, time.monotonic()
+    time.sleep(0.2)
+    np.testing.assert_allclose(body.sense().pose, held, atol=1e-9)
+    body.stop()
+    loose = body.sense().pose
+    time.sleep(0.2)
+    drifted = body.sense().pose[0] - loose[0]
+    assert start[1] == 3.0
+    assert 0.1 <= drifted <= 0.5 * (time.monotonic() - began)

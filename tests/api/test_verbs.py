@@ -62,9 +62,14 @@ FUNCTIONS = {
     "examples": "examples",
     "examples run": "example",
     "examples copy": "examples_copy",
+    "fleet up": "fleet_up",
+    "robot charge": "robot_charge",
 }
 #: Verbs without a function, and why.
-WITHOUT = {"view": "opens a window and takes keys until it is closed"}
+WITHOUT = {
+    "view": "opens a window and takes keys until it is closed",
+    "robot run": "is a process of its own until the world ends",
+}
 #: Options that belong to a command alone, whatever its verb.
 OF_COMMANDS = {"quiet", "as_json", "help"}
 #: What an option is called in Python, where it is not the same word.

@@ -256,7 +256,7 @@ def declared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callab
 
 def test_a_distribution_can_declare_a_seam_for_parts_in_its_parts(declared: Callable[[str], None]) -> None:
     declared("BATTERY")
-    assert list(SEAMS)[-6:] == ["battery", "figure", "method", "model", "sharing", "transport"]
+    assert list(SEAMS)[-7:] == ["adapter", "battery", "figure", "method", "model", "sharing", "transport"]
     assert registry.known("battery") == {"cell": Cell}
     read = file.load(ROOT / "scenarios" / "room.toml", ['network.topology={use="torch"}'])
     assert read.network.topology.table == {"use": "torch", "battery": {"use": "cell", "energy": 3.0}}

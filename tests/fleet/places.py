@@ -33,3 +33,11 @@ def until(reached: Callable[[], bool], seconds: float = 5.0) -> float:
         assert time.monotonic() < begun + seconds
         time.sleep(0.005)
     return time.monotonic() - begun
+
+
+def for_a_while(verb: Callable[[], object]) -> None:
+    """Do it again and again for 6 s, or until it raises."""
+    ends = time.monotonic() + 6.0
+    while time.monotonic() < ends:
+        verb()
+        time.sleep(0.02)

@@ -6,6 +6,7 @@ import os
 import pty
 import random
 import re
+import select
 import threading
 import time
 from collections.abc import Iterator
@@ -13,7 +14,6 @@ from contextlib import closing, suppress
 
 import pytest
 from conftest import ROOT
-from fleet.places import until
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
@@ -79,10 +79,10 @@ def test_noise_and_long_frames_are_passed_over(air: tuple[RobotLink, RobotLink, 
     a, b, receiver = air
     with pytest.raises(InputError, match="a frame of 61 bytes; it takes at most 60"):
         a.say(bytes(61))
-    for _ in range(100):
-        os.write(receiver, bytes(1000))
-        until(lambda: not b.wait(0.01))
-    os.write(receiver, b"\xc0")
+    for noise in (*[bytes(1000)] * 100, b"\xc0"):
+        while not select.select([], [receiver], [], 1.0)[1]:
+            assert not b.heard()
+        os.write(receiver, noise)
     a.say(b"\x00\x03clear")
     assert [frame for frame, _ in collected(b, 2)] == [b"\x00\x03clear"]
 

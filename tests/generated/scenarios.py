@@ -166,6 +166,7 @@ class _Draw:
                 table["task"] = self._part("task", tasks.get(job["use"], "settled"))
             if job["use"] == "locate-source":
                 table["field"] = self._smell()
+                job["name"] = "beside"  # the mind may be one too
             if dice.random() < 0.5:
                 self._processors(table)
             if dice.random() < 0.5:
@@ -179,7 +180,8 @@ class _Draw:
 
     def _smell(self) -> Table:
         """A field with a source, wherever it is."""
-        return self._part("field", "model", hidden=lambda: [{"strength": 0.02, "begin": 1.0}])
+        own = {"model": lambda: {"use": "diffusion"}, "method": lambda: OMITTED, "refine": lambda: self._maybe(2)}
+        return self._part("field", "model", hidden=lambda: [{"strength": 0.02, "begin": 1.0}], **own)
 
     def _pursuit(self, robots: Table) -> Table:
         """Two groups with minds of their own, in the place of what robots are, sense, do and suffer."""
@@ -327,10 +329,11 @@ class _Draw:
                 ]
             },
             "model": {
-                **noise, "model": self._equation, "method": lambda: self._maybe({"use": "block-jacobi"}),
+                **noise, "model": self._equation,
+                "method": lambda: {"use": "explicit"} if self._explicit else self._maybe({"use": "block-jacobi"}),
                 "dt": lambda: self._maybe(dice.choice((0.25, 2.0))),
                 "sources": lambda: self._maybe(self._emitters(), 0.2), "hidden": lambda: OMITTED,
-                "refine": lambda: self._maybe(2),
+                "refine": lambda: OMITTED if self._explicit else self._maybe(2),
                 "start": lambda: self._maybe({"use": "formula", "formula": "exp(-hypot(x, y))"}),
             },
             "solve": {
@@ -341,7 +344,8 @@ class _Draw:
             },
             "stigmergy": {**called, "budget": lambda: self._maybe(100)},
             "locate-source": {
-                **called, "model": lambda: {"use": "diffusion", "diffusivity": 0.02}, "dt": lambda: 0.5,
+                "name": lambda: self._maybe("smell"), "dt": lambda: 0.5,
+                "model": lambda: {"use": "diffusion", "diffusivity": 0.02},
                 "pulse": lambda: 1.0, "duration": lambda: dice.choice((4.0, 20.0)), "spacing": lambda: 2.0,
                 "budget": lambda: self._maybe(100),
             },
@@ -435,7 +439,7 @@ class _Draw:
 
     def _emitters(self) -> list[Table]:
         x, y = self._point()
-        return [{"x": x, "y": y, "strength": 0.5, "begin": 1.0, "end": 6.0, "velocity": [0.02, 0.0]}]
+        return [{"x": x, "y": y, "strength": 0.05, "begin": 1.0, "end": 6.0, "velocity": [0.02, 0.0]}]
 
     def _edges(self) -> list[list[int]]:
         pairs = [[i, j] for i in range(self._count) for j in range(self._count) if i != j]

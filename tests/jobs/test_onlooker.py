@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from conftest import moments_of
+from conftest import called, moments_of
 from test_jobs_beside_minds import HEAT, MAPPING, ROOM
 
 import swarmsim as sw
@@ -152,3 +152,14 @@ def test_made_up_holders_are_refused(room: Path) -> None:
 def test_a_probe_may_not_be_called_like_a_job(room: Path) -> None:
     with pytest.raises(InputError, match=r"jobs\[0\]\.name: another probe is called 'warmth' already"):
         recorded(room, 'probes=[{use="batteries", name="warmth"}]')
+
+
+def test_expectations_take_what_is_measured_of_jobs(room: Path) -> None:
+    keys = f"[[jobs]]\n{KEYS.format(2)}".replace(", ", "\n")
+    expected = ["error_sequential <= 0", "halo_age <= 0 always", "bytes_to_tolerance > 0", "pieces_lost <= 0 always"]
+    expect = "".join(f'[[expect]]\nthat = "{one}"\nseeds = [1]\n' for one in expected)
+    changed = MAPPING.replace("iterations = 12", "iterations = 50")
+    room.write_text(f'{changed}{keys}\n[task]\nuse = "computed"\ncompare = true\n{expect}')
+    told = called("test", room, "--allow-code", "--store", room.parent / "store.sqlite")
+    assert told.returncode == 0, told.stdout + told.stderr
+    assert "4 hold" in told.stdout

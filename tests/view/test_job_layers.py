@@ -24,6 +24,7 @@ from swarmsim.view.page.tracks import Tracks
 from swarmsim.view.scene import Scene
 from swarmsim.view.style import LAYERS, Style
 from swarmsim.view.theme import THEMES
+from swarmsim.view.video import frame
 from swarmsim.view.viewers.foxglove import write_mcap
 
 SCENARIO = """
@@ -169,7 +170,9 @@ def test_the_legend_has_scales_with_ends_and_unit(recording: Recording) -> None:
     assert f"fill: field computed, 0 to {top:.3g} K" in told
     assert "guess: counted, 0 to 3" in told
     assert {"piece just taken over", "nobody computes it", "guess: its guess and spread"} <= set(told)
-    hidden = [sign.means for sign in signs(Scene(recording), Style(layers=frozenset(LAYERS) - {"jobs"}), 1.0)]
+    without = Style(layers=frozenset(LAYERS) - {"jobs"})
+    assert (frame(recording, 20, (640, 360)) != frame(recording, 20, (640, 360), without)).any()
+    hidden = [sign.means for sign in signs(Scene(recording), without, 1.0)]
     assert not [one for one in hidden if one.startswith(("fill", "guess", "piece"))]
 
 

@@ -175,7 +175,7 @@ def test_beams_end_where_the_sensor_met_walls_and_people(busy: Recording) -> Non
 def test_layers_can_be_shown_and_hidden(busy: Recording) -> None:
     full, bare = frame(busy, 20, SIZE), frame(busy, 20, SIZE, BARE)
     assert (full[:, 960:] != bare[:, 960:]).any()
-    for layer in LAYERS.keys() - {"beams", "own"}:
+    for layer in LAYERS.keys() - {"beams", "own", "jobs"}:  # of which it has none
         assert not np.array_equal(frame(busy, 20, SIZE, Style(layers=frozenset(LAYERS) - {layer})), full), layer
     one = Style(robots=(1,))
     assert not np.array_equal(frame(busy, 20, SIZE, one), full)

@@ -18,6 +18,7 @@ from swarmsim.fleet.mailbox import AIR, BoxedLink, Mailbox
 from swarmsim.fleet.switch import LARGEST, Switch
 from swarmsim.fleet.transport import WORLD
 
+_WHO: Final = "transport udp"  # in messages
 _BEACON: Final = struct.Struct(">4si")  # a mark, and the sender's number
 _HERE, _GONE = b"here", b"gone"
 _EVERY: Final = 0.1  # s between two beacons
@@ -42,8 +43,8 @@ class Udp(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def open(self, address: str, robot: int) -> BoxedLink:
         """Join all on the interface. Raises InputError for an address that is none or is taken."""
-        place, interface = Address.of(address, "udp"), Interface.of(self.interface, "udp")
-        interface.check_reaches(place, "udp")
+        place, interface = Address.of(address, _WHO), Interface.of(self.interface, _WHO)
+        interface.check_reaches(place, _WHO)
         return _Station(self, place, interface, robot).link()
 
     def airtime(self, length: int) -> float:

@@ -20,6 +20,7 @@ from swarmsim.fleet.transport import WORLD, LinkError
 if TYPE_CHECKING:
     import zenoh
 
+_WHO: Final = "transport zenoh"  # in messages
 _LARGEST: Final = 2**24
 _FRAMING: Final = 16 + 52 + 38  # bytes: zenoh's own, TCP and IP with timestamps, Ethernet with its gap
 _SAYS: Final = ["put", "liveliness_token"]  # what zenoh calls speaking and being there
@@ -45,8 +46,8 @@ class Zenoh(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def open(self, address: str, robot: int) -> BoxedLink:
         """Join the swarm. Raises InputError for an address that is none, is taken, or does not answer."""
-        place, interface = Address.of(address, "zenoh"), Interface.of(self.interface, "zenoh")
-        interface.check_reaches(place, "zenoh")
+        place, interface = Address.of(address, _WHO), Interface.of(self.interface, _WHO)
+        interface.check_reaches(place, _WHO)
         return _Session(self, robot, _opened(self, place, interface, robot)).link()
 
     def airtime(self, length: int) -> float:
@@ -175,7 +176,14 @@ class _Session:
 
     def _publisher(self, key: str, congestion: zenoh.CongestionControl) -> zenoh.Publisher:
         return self._session.declare_publisher(
-            key, congestion_control=congestion, express=True, allowed_destination=self._zenoh.Locality.REMOTE
+            key,
+            congestion_control=congestion,
+            express=True,
+            allowed_destination=self._zenoh.Locality.REMOTE,
+            # A lane of its own for the air: frames would wait for a telegram that blocks theirs.
+            priority=self._zenoh.Priority.INTERACTIVE_HIGH
+            if congestion == self._zenoh.CongestionControl.DROP
+            else None,
         )
 
     def _changed(self, sample: zenoh.Sample) -> None:
@@ -212,9 +220,9 @@ class _Outbox:
             self._taken += len(telegram)
             self._waiting.append(bytes(telegram))
             self._changed.notify()
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._run, daemon=True, name=f"channel {self._name}")
-            self._thread.start()
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, daemon=True, name=f"channel {self._name}")
+                self._thread.start()
 
     def close(self) -> None:
         """End once all is sent, or after _FLUSH s."""
@@ -232,4 +240,7 @@ class _Outbox:
                     return
                 telegram = self._waiting.popleft()
                 self._taken -= len(telegram)
-            self._publisher.put(telegram)
+            try:
+                self._publisher.put(telegram)
+            except Exception:  # zenoh's own kind: the session has ended meanwhile
+                return

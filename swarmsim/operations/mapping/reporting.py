@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.messages import FrameError, Inbox
-from swarmsim.core.readings import Tiles
+from swarmsim.core.readings import Column, Tiles
 from swarmsim.core.reports import Report
 from swarmsim.core.state import OCCUPIED, UNKNOWN
 from swarmsim.operations.mapping.maps import Frames, Maps, TileItems
@@ -76,7 +76,7 @@ def accepted_of(reports: Sequence[Report], inbox: Inbox[TileItems]) -> Inbox[Til
     return Inbox(receivers, senders, sent, content, inbox.oldest)
 
 
-def _like(inbox: Inbox[TileItems], columns: Sequence[NDArray[Any]]) -> TileItems:
+def _like(inbox: Inbox[TileItems], columns: Sequence[Column]) -> TileItems:
     kinds = [(one.dtype, one.ndim) for one in inbox.content.arrays()]
     if [(one.dtype, one.ndim) for one in columns] != kinds:
         raise FrameError("tiles taken in, of other columns than those heard")
@@ -87,7 +87,7 @@ def take_frames(reports: Sequence[Report], frames: Frames | None) -> None:
     """Write what robots know of each other's frames of reference into those of the swarm."""
     if frames is None:
         return
-    held: list[NDArray[Any]] = [frames.known, frames.errors, frames.places, frames.withdrawn, frames.spoilt]
+    held: list[Column] = [frames.known, frames.errors, frames.places, frames.withdrawn, frames.spoilt]
     for robot, report in enumerate(reports):
         for mine, column in zip(held, report[FRAMES:ACCEPTED], strict=True):
             mine[robot] = column

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from typing import Annotated, Final
 
 import numpy as np
-import shapely
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
-from scipy.spatial import distance
 
 from swarmsim.core.adapters.forms import Last
 from swarmsim.core.context import BuildContext
@@ -65,6 +63,8 @@ def centres(place: NDArray[np.float64], knowledge: Positions) -> NDArray[np.floa
     robots = np.concatenate([np.arange(len(place)), knowledge.receivers])
     order = np.argsort(robots, kind="stable")
     points = np.concatenate([place, knowledge.place])[order]
+    import shapely  # which robots that do not meet can do without
+
     circles = shapely.minimum_bounding_circle(shapely.multipoints(points, indices=robots[order]))
     bounds: NDArray[np.float64] = shapely.bounds(circles)
     x0, y0, x1, y1 = bounds[:, 0], bounds[:, 1], bounds[:, 2], bounds[:, 3]
@@ -118,6 +118,8 @@ class GatheringTask:
         place = done.state.pose[done.state.alive, :2]
         if len(place) == 0:
             return Measured({"diameter": float("nan"), "off_middle": float("nan")})
+        from scipy.spatial import distance
+
         diameter = float(distance.pdist(place).max(initial=0.0))
         off = float(np.hypot(*(place - place.mean(axis=0)).T).mean())
         progress = min(1.0, self._within / diameter) if diameter else 1.0
@@ -177,6 +179,8 @@ class SpacingTask:
         alive = done.state.alive
         gaps = np.full(len(alive), np.inf)
         if alive.sum() > 1:
+            from scipy.spatial import distance
+
             apart = distance.squareform(distance.pdist(done.state.pose[alive, :2]))
             np.fill_diagonal(apart, np.inf)
             gaps[alive] = apart.min(axis=1)

@@ -13,7 +13,9 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.operations.fields.sampling import Legs, Margin, Waypoints
+from swarmsim.operations.sources.inversion import FoundSource
 from swarmsim.operations.sources.locate import Located
+from swarmsim.operations.sources.searcher import SearchPlan
 
 
 class MostDisputed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -52,22 +54,22 @@ class Disputed:
         places = self._anywhere.drawn(robots, self._legs.counts[robots])
         dice = chance.uniform(self._salt, self._ids[robots], self._legs.counts[robots], 0)
         for row, (robot, die) in enumerate(zip(robots.tolist(), dice.tolist(), strict=True)):
-            if knowledge.findings[robot] is not None:
-                places[row] = self._place(robot, die, senses, knowledge, places[row])
+            finding = knowledge.findings[robot]
+            place = None if finding is None else self._place(robot, finding, knowledge.plan, senses, die)
+            places[row] = places[row] if place is None else place
         return self._legs.intents(senses, robots, places)
 
     def _place(
-        self, robot: int, die: float, senses: Senses, known: Located, otherwise: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """The place (2,) that a robot draws with a number from 0 to 1; another one if there is nothing to tell."""
-        finding, inversion = known.findings[robot], known.plan.inversion
-        assert finding is not None
-        cells = self._anywhere.inside(inversion.candidates.places)
-        places = inversion.candidates.places[cells]
+        self, robot: int, finding: FoundSource, plan: SearchPlan, senses: Senses, die: float
+    ) -> NDArray[np.float64] | None:
+        """The place (2,) that a robot draws with a number from 0 to 1; None if there is nothing to tell."""
+        greens, candidates = plan.inversion.greens, plan.inversion.candidates
+        cells = self._anywhere.inside(candidates.places)
+        places = candidates.places[cells]
         away = np.hypot(*(places - senses.pose[robot, :2]).T)
-        times = np.minimum(senses.iteration * self._period + away / self._speed[robot], inversion.greens.duration)
-        variance = finding.variance(inversion.greens, times, cells)
-        gains = np.cumsum(np.log1p(variance / inversion.noise**2) * np.exp(-away / self._nearness))
+        times = np.minimum(senses.iteration * self._period + away / self._speed[robot], greens.duration)
+        variance = finding.variance(greens, times, cells) if len(cells) else np.empty(0)
+        gains = np.cumsum(np.log1p(variance / plan.inversion.noise**2) * np.exp(-away / self._nearness))
         if len(gains) == 0 or not gains[-1] > 0.0:
-            return otherwise
+            return None
         return np.asarray(places[np.searchsorted(gains, die * gains[-1], side="right")])

@@ -31,7 +31,7 @@ class Samples:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class CandidateFit:
     """One candidate's best strengths."""
 
     cell: int
@@ -45,7 +45,7 @@ class Fit:
 class FoundSource:
     """A source, and the other candidates that may be it."""
 
-    fits: tuple[Fit, ...]  # the likely ones, the best first
+    fits: tuple[CandidateFit, ...]  # the likely ones, the best first
     weights: Values  # (f,): how likely each is; their sum is 1
     tried: frozenset[int]  # the cells whose Green's functions it took
     spread: float  # m: standard deviation of the place, over all candidates tried
@@ -102,7 +102,7 @@ class Inversion:
     For a candidate cell the strengths s >= 0 of all pulses minimise |(G s - y) / noise|^2 + |D s / change|^2, where D
     takes differences of successive pulses, the first from 0: strengths are a random walk. The most likely candidate
     wins; finer candidates are tried near the best ones, down to single cells. -2 ln of the probability of the samples
-    is the minimum plus ln det(I + change^2 D^-1 G'G D^-T / noise^2), up to a constant, if strengths may be negative
+    is the minimum plus ln det(I + change^2 D^-T G'G D^-1 / noise^2), up to a constant, if strengths may be negative
     (MacKay 1992): a candidate that can explain anything explains little.
     """
 
@@ -118,7 +118,7 @@ class Inversion:
             return None
         pulses = min(int(samples.times.max() / self.greens.pulse) + 1, self.greens.pulses)
         reading = self.greens.reading(samples.cells, samples.times, pulses)
-        tried: dict[int, Fit] = {}
+        tried: dict[int, CandidateFit] = {}
         cells = self.candidates.coarse
         for level in range(self.candidates.levels):
             for cell in cells.tolist():
@@ -136,7 +136,7 @@ class Inversion:
         spread = self._spread(np.array([fit.cell for fit in fits]), weights)
         return FoundSource(tuple(fits[:likely]), weights[:likely] / weights[:likely].sum(), frozenset(tried), spread)
 
-    def _fit(self, cell: int, reading: PulseReading, right: Values) -> Fit:
+    def _fit(self, cell: int, reading: PulseReading, right: Values) -> CandidateFit:
         matrix = reading.of(self.greens.of(cell)) / self.noise
         pulses = matrix.shape[1]
         steps = (np.eye(pulses) - np.eye(pulses, k=-1)) / self.change
@@ -145,7 +145,8 @@ class Inversion:
         reduced = linalg.solve_triangular(upper, matrix.T @ right, trans="T")
         strengths, rest = optimize.nnls(upper, reduced)
         left = float(rest**2 + right @ right - reduced @ reduced)
-        return Fit(cell, strengths, upper, left, left + 2.0 * float(np.log(upper.diagonal() * self.change).sum()))
+        determinant = 2.0 * float(np.log(upper.diagonal() * self.change).sum())
+        return CandidateFit(cell, strengths, upper, left, left + determinant)
 
     def _spread(self, cells: Whole, weights: Values) -> float:
         """The standard deviation of the place (m): that of cells with these weights, and that within a cell."""

@@ -1,14 +1,17 @@
-"""The transport: drizzle between robots that are processes of their own."""
+"""For robots that are processes of their own: drizzle between them, and a kite for a body."""
 
 from __future__ import annotations
 
+import math
 import random
+import time
 from collections.abc import Mapping
 from typing import Annotated
 
 from msgspec import Meta, Struct
 
 from swarmsim.core.scenario.part import Part
+from swarmsim.fleet.adapter import Felt
 from swarmsim.fleet.transport import Heard, RobotLink, Transport
 
 
@@ -59,3 +62,40 @@ class Damp:
 
     def close(self) -> None:
         self._dry.close()
+
+
+class Kite(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A body that is not there: a kite, steered as if by wheels, and carried off by the wind."""
+
+    wind: float = 0.1  # m/s, along x
+
+    def open(self, robot: int) -> Flown:
+        """The kite of a robot, at the place of its number. Raises nothing: it is always there."""
+        return Flown(self.wind, float(robot))
+
+
+class Flown:
+    """One kite; it moves on whenever somebody looks at it or steers it."""
+
+    def __init__(self, wind: float, y: float) -> None:
+        self._wind, self._pose, self._deed, self._then = wind, (0.0, y, 0.0), (0.0, 0.0), time.monotonic()
+
+    def sense(self) -> Felt:
+        return Felt(self._fly(), self._deed)
+
+    def drive(self, ahead: float, turn: float) -> None:
+        self._fly()
+        self._deed = ahead, turn
+
+    def stop(self) -> None:
+        self.drive(0.0, 0.0)
+
+    def close(self) -> None:
+        self.stop()
+
+    def _fly(self) -> tuple[float, float, float]:
+        now, (x, y, yaw), (ahead, turn) = time.monotonic(), self._pose, self._deed
+        seconds, self._then = now - self._then, now
+        x += seconds * (self._wind + ahead * math.cos(yaw))
+        self._pose = x, y + seconds * ahead * math.sin(yaw), yaw + seconds * turn
+        return self._pose

@@ -176,7 +176,7 @@ def test_where_robots_go_is_drawn_by_what_a_sample_tells_and_how_far_it_is(path:
     variance = finding.variance(inversion.greens, np.minimum(12.0 + away / speed, 34.0), inside)
     share = np.log1p(variance / 0.002**2) * np.exp(-away / 3.0)
     dice = (np.arange(2000) + 0.5) / 2000
-    drawn = np.array([strategy._place(1, die, senses, known, np.full(2, np.nan)) for die in dice.tolist()])
+    drawn = np.array([strategy._place(1, finding, known.plan, senses, die) for die in dice.tolist()])
     counts = [int((np.abs(drawn - places[cell]).max(axis=1) < 1e-9).sum()) for cell in inside.tolist()]
     np.testing.assert_allclose(np.array(counts) / 2000, share / share.sum(), atol=1.01 / 2000)
 

@@ -1,0 +1,1 @@
+"""Bodies of robots that exist. Nothing here was tried on hardware."""
