@@ -12,7 +12,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.processors import Processors
 from swarmsim.core.state import Done, Knowledge, Measured, Moment
-from swarmsim.jobs.runtime import UNKNOWN, Parcel
+from swarmsim.jobs.runtime import Parcel
 
 COMPUTED: Final = "computed_share"
 
@@ -43,14 +43,11 @@ class ComputedTask:
 
     def measure(self, done: Done[Knowledge]) -> Measured:
         """The share of all pieces' steps that living robots have done, and how many pieces none of them has."""
-        shares, lost = list[np.ndarray](), 0
-        for one in done.jobs:
-            if isinstance(one.knowledge, Parcel):
-                step = one.knowledge.progress(done.state.alive)
-                lost += int(np.count_nonzero(step == UNKNOWN))
-                shares.append(np.maximum(step, 0) / one.knowledge.plan.steps)
-        share = float(np.concatenate(shares).mean()) if shares else 0.0
-        return Measured({COMPUTED: share, "pieces_lost": float(lost)}, progress=share, finished=share == 1.0)
+        alive, its = done.state.alive, [one.knowledge for one in done.jobs if isinstance(one.knowledge, Parcel)]
+        step = [np.maximum(one.progress(alive), 0) / one.plan.steps for one in its]
+        share = float(np.concatenate(step).mean()) if its else 0.0
+        lost = sum(one.numbers(alive)["pieces_lost"] for one in its)
+        return Measured({COMPUTED: share, "pieces_lost": lost}, progress=share, finished=share == 1.0)
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
         """A new observer of what the jobs took."""

@@ -71,7 +71,7 @@ class Parcel(JobStanding):
 
     def share(self, alive: NDArray[np.bool_]) -> float:
         """The share of all pieces' steps that living robots have done."""
-        return float(np.maximum(self.progress(alive), 0).mean()) / self.plan.steps
+        return float((np.maximum(self.progress(alive), 0) / self.plan.steps).mean())
 
     def ended(self, alive: NDArray[np.bool_]) -> bool:
         """Whether they have done all."""
