@@ -11,18 +11,18 @@ import numpy as np
 from swarmsim.core.jobs import Values
 from swarmsim.core.messages import HEADER
 from swarmsim.core.processors import OwnProcessor
-from swarmsim.jobs.facts.wire import Fact, ShortCodec
+from swarmsim.jobs.facts.wire import Fact, FactCodec
 from swarmsim.jobs.helping import Helper
 from swarmsim.jobs.log import KEPT
 from swarmsim.jobs.plan import STATE_NUMBER, JobPlan, packed, unpacked
-from swarmsim.jobs.reports import AFAR, REPORT, SHOW, STATE, Claim, Hearsay, Report
+from swarmsim.jobs.reports import AFAR, REPORT, SHOW, STATE, Hearsay, PieceClaim, Report
 from swarmsim.jobs.router import Router
 from swarmsim.jobs.worker import Thread, Worker
 
 MOST_HOPS: Final = AFAR - 1
 SIGNS: Final = 4  # of life within the patience that others have
 CALL: Final = 2  # iterations until a copy is offered again
-SIZES: Final = ShortCodec()
+SIZES: Final = FactCodec(compact=True)
 
 Starts = Callable[[int], Iterable[tuple[int, Values]]]  # the pieces and states that a robot begins with
 
@@ -49,7 +49,7 @@ class Peer:
         self.place = np.zeros(2)
         for robot in range(min(plan.robots, len(plan.pieces))):
             its = range(robot, len(plan.pieces), plan.robots)
-            self._claims.note(robot, Report(-1, dict.fromkeys(its, Claim(0)), {}), AFAR, 0)
+            self._claims.note(robot, Report(-1, dict.fromkeys(its, PieceClaim(0)), {}), AFAR, 0)
 
     def wake(self, now: int) -> None:
         """Count all silence from now on; at first, begin with the states that it alone knows."""
@@ -103,10 +103,10 @@ class Peer:
 
     def _report(self, clock: int) -> Report:
         """What it computes and keeps."""
-        worker, claims = self.worker, dict[int, Claim]()
+        worker, claims = self.worker, dict[int, PieceClaim]()
         for piece in worker.own:
             step = min(threads[piece].step for threads in (worker.threads, worker.again) if piece in threads)
-            claims[piece] = Claim(step, self._far(piece), worker.has(piece, step))
+            claims[piece] = PieceClaim(step, self._far(piece), worker.has(piece, step))
         keeps = {piece: worker.copies.newest(piece) for piece in worker.copies.pieces() if piece not in worker.threads}
         return Report(clock, claims, keeps)
 

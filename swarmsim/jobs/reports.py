@@ -15,7 +15,7 @@ NEVER = -(1 << 40)
 REPORT, SHOW, STATE = range(3)
 
 
-class Claim(NamedTuple):
+class PieceClaim(NamedTuple):
     """That a robot computes a piece."""
 
     step: int
@@ -28,7 +28,7 @@ class Report:
     """What one robot said of itself in an exchange."""
 
     beat: int  # the exchange; -1 for what is presumed
-    claims: dict[int, Claim]  # by piece
+    claims: dict[int, PieceClaim]  # by piece
     keeps: dict[int, int]  # the step of the newest copy, by piece that it does not compute
 
     def fact(self, who: int, hops: int) -> Fact:
@@ -45,7 +45,7 @@ class Report:
         """What a fact reports."""
         numbers = long(fact.value)
         end = 1 + 4 * numbers[0]
-        claims = {numbers[at]: Claim(*numbers[at + 1 : at + 4]) for at in range(1, end, 4)}
+        claims = {numbers[at]: PieceClaim(*numbers[at + 1 : at + 4]) for at in range(1, end, 4)}
         return cls(fact.version, claims, dict(zip(numbers[end::2], numbers[end + 1 :: 2], strict=True)))
 
     def like(self, other: Report) -> bool:
@@ -101,7 +101,7 @@ class Hearsay:
         """The robots that are not silent."""
         return ((who, news) for who, news in self.news.items() if now - news.seen <= self._patience)
 
-    def of(self, piece: int, now: int) -> Iterator[tuple[int, Claim, int]]:
+    def of(self, piece: int, now: int) -> Iterator[tuple[int, PieceClaim, int]]:
         """The robots that compute a piece and are not silent, with their hops."""
         for who, news in self.fresh(now):
             if piece in news.report.claims:

@@ -20,11 +20,11 @@ from swarmsim.core.jobs import PieceJob, Shared, Values
 from swarmsim.core.messages import HEADER
 from swarmsim.core.processors import OwnProcessor, Processors
 from swarmsim.core.state import Record, Senses
-from swarmsim.jobs.facts.tellers import JobStanding, Tellers
-from swarmsim.jobs.facts.wire import Fact, ShortCodec
+from swarmsim.jobs.facts.tellers import JobStanding, SharedJob
+from swarmsim.jobs.facts.wire import Fact
 from swarmsim.jobs.peer import SIZES, Peer
 from swarmsim.jobs.plan import STATE_NUMBER, JobPlan, packed
-from swarmsim.jobs.reports import AFAR, SHOW, STATE, Claim, Report
+from swarmsim.jobs.reports import AFAR, SHOW, STATE, PieceClaim, Report
 
 UNKNOWN = -1  #: the step of a piece that a robot does not have
 
@@ -91,7 +91,7 @@ class Parcel(JobStanding):
         return found
 
 
-class Lockstep(Tellers[Peer]):
+class Lockstep(SharedJob[Peer]):
     """A job in pieces, for some robots or all: the peers of a network that share it."""
 
     def __init__(self, job: PieceJob, keys: Shared, context: BuildContext) -> None:
@@ -102,7 +102,7 @@ class Lockstep(Tellers[Peer]):
         self._processors = context.processors or Processors.unlimited(len(context.ids))
         self._rows = {robot: row for row, robot in enumerate(context.ids.tolist())}
         self._begun = set[int]()
-        super().__init__(context, self._peer, self._parcel, type(job), _place, ShortCodec())
+        super().__init__(context, self._peer, self._parcel, type(job), _place, SIZES)
 
     @property
     def longest(self) -> int:
@@ -178,7 +178,9 @@ def _check_budget(plan: JobPlan, largest: Fact) -> None:
         return
     copies = 0 if plan.keys.copies == 0 else plan.robots - 1 if plan.keys.copies == "all" else plan.keys.copies
     signs = sum(
-        SIZES.size(Report(1 << 20, {one: Claim(plan.steps, 65535, (1 << len(its)) - 1)}, {}).fact(plan.robots, AFAR))
+        SIZES.size(
+            Report(1 << 20, {one: PieceClaim(plan.steps, 65535, (1 << len(its)) - 1)}, {}).fact(plan.robots, AFAR)
+        )
         + copies * (SIZES.size(Report(1 << 20, {}, {one: plan.steps}).fact(plan.robots, AFAR)) - 8)
         for one, its in enumerate(plan.joints)
     )

@@ -60,8 +60,8 @@ class JobStanding(Knowledge, ABC):
         return {}
 
 
-class Tellers(Generic[T]):
-    """A job of facts for some robots, or all."""
+class SharedJob(ABC, Generic[T]):
+    """A job for some robots, or all, in which each has a part."""
 
     def __init__(
         self, context: BuildContext, new: Callable[[int], T], standing: Callable[[Sequence[T], int], JobStanding],
@@ -120,3 +120,7 @@ class Tellers(Generic[T]):
         """Give these rows (r,) what the row `source` knows."""
         for row in robots.tolist():
             self._parts[row].learn(self._parts[source])
+
+
+class Tellers(SharedJob[T]):
+    """A job of facts."""

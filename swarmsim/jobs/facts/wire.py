@@ -107,18 +107,30 @@ class Facts(MessageBatch):
 
 
 class FactCodec:
-    """The header, then fact after fact."""
+    """The header, then fact after fact.
+
+    In a `compact` one, each has the key with the kind in its last two bits, version, robot, and the length of its value
+    as short numbers.
+    """
+
+    def __init__(self, compact: bool = False) -> None:
+        self._compact = compact
 
     def size(self, fact: Fact) -> int:
         """The bytes of a fact."""
-        return fact.size
+        if not self._compact:
+            return fact.size
+        numbers = fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value)
+        return sum(max(1, -(-number.bit_length() // 7)) for number in numbers) + len(fact.value)
 
     def pack(self, sender: int, iteration: int, items: Facts) -> bytes:
         """One message."""
         return HEADER.pack(sender, iteration) + b"".join(map(self._packed, items.rows()))
 
     def _packed(self, fact: Fact) -> bytes:
-        return fact.packed()
+        if not self._compact:
+            return fact.packed()
+        return short((fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value))) + fact.value
 
     def unpack(self, data: bytes) -> tuple[int, int, Facts]:
         """Its sender, exchange and facts. Raises ValueError for an unknown kind or a wrong length."""
@@ -134,23 +146,10 @@ class FactCodec:
 
     def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
         """The numbers of the fact that begins at a byte, and where they end."""
-        if len(data) - at < FORM.size:
-            raise ValueError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
-        return FORM.unpack_from(data, at), at + FORM.size
-
-
-class ShortCodec(FactCodec):
-    """The same with short numbers: the key with the kind in its last two bits, version, robot, and the length."""
-
-    def size(self, fact: Fact) -> int:
-        """The bytes of a fact."""
-        numbers = fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value)
-        return sum(max(1, -(-number.bit_length() // 7)) for number in numbers) + len(fact.value)
-
-    def _packed(self, fact: Fact) -> bytes:
-        return short((fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value))) + fact.value
-
-    def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
+        if not self._compact:
+            if len(data) - at < FORM.size:
+                raise ValueError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
+            return FORM.unpack_from(data, at), at + FORM.size
         found = list[int]()
         while len(found) < 4:
             number, at = short_at(data, at)
