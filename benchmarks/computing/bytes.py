@@ -1,8 +1,8 @@
 """python benchmarks/computing/bytes.py SEEDS [NETWORK ...]: what the bytes of a job in pieces are said for.
 
-The job is the collective way of `ways.py` alone, on the same robots and ways. A line for each network: iterations,
-bytes of all robots for a level, how many times the least that is (each value that a piece shows, once), and the shares
-by cause, over all seeds. A value is said first by the robot that made it, passed on by others, and said again by
+The job is the collective way of `ways.py` alone, on the same robots and ways. A line for each network: iterations;
+bytes of all robots for a level; how many times the least that is, which is each value that a piece shows, once; and the
+shares by cause, over all seeds. A value is said first by the robot that made it, passed on by others, and said again by
 either.
 """
 

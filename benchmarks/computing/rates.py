@@ -79,6 +79,7 @@ class Mode:
     def _read(self, piece: Piece) -> Values:
         """What a sweep makes of a 1 in each cell of the halo: (c, h), by the job's own step with the right side 0."""
         nothing = self._job.start(piece, np.zeros(len(piece.cells)))
+        nothing = self._job.step(piece, nothing, np.zeros((len(piece.halo), 1)), 0)
         its = [self._job.step(piece, nothing, one[:, None], 1) for one in np.eye(len(piece.halo))]
         return np.stack([self._job.answer(piece, state) for state in its], axis=1)
 

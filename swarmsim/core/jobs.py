@@ -100,11 +100,14 @@ class PieceJob(Protocol):
         ...
 
     def start(self, piece: Piece, sensed: Values) -> Values:
-        """The state, an array of any shape, before step 0; `sensed` (c,) is what its first holder alone knows."""
+        """The state before step 0; `sensed` (c,) is what its first holder alone knows.
+
+        States are arrays of any shape, which may change from step to step. Memory is checked by those at the start.
+        """
         ...
 
     def shows(self, piece: Piece, state: Values, step: int) -> Values:
-        """The values (r, ...) of its rim that other pieces' step `step` reads."""
+        """The values (r, ...) of its rim that other pieces' step reads; the rest of the shape is that of all pieces."""
         ...
 
     def step(self, piece: Piece, state: Values, around: Values, step: int) -> Values:

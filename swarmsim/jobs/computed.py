@@ -14,7 +14,7 @@ from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.processors import Processors
 from swarmsim.core.state import Done, Knowledge, Measured, Moment
 from swarmsim.jobs.compared import AnswerCheck
-from swarmsim.jobs.runtime import UNKNOWN, Parcel
+from swarmsim.jobs.runtime import Parcel
 
 COMPUTED: Final = "computed_share"
 ERRORS: Final = ("error_sequential", "error_field")
@@ -53,11 +53,10 @@ class ComputedTask:
     def measure(self, done: Done[Knowledge]) -> Measured:
         """The share of all pieces' steps that living robots have done, and how many pieces none of them has."""
         alive, parcels = done.state.alive, parcels_of(done)
-        steps = [one.progress(alive) for one in parcels]
-        shares = [np.maximum(step, 0) / one.plan.steps for step, one in zip(steps, parcels, strict=True)]
+        shares = [np.maximum(one.progress(alive), 0) / one.plan.steps for one in parcels]
         share = float(np.concatenate(shares).mean()) if shares else 0.0
-        lost = sum(int(np.count_nonzero(step == UNKNOWN)) for step in steps)
-        values = {COMPUTED: share, "pieces_lost": float(lost), **taken(parcels), **self._errors(done, parcels)}
+        lost = sum(one.numbers(alive)["pieces_lost"] for one in parcels)
+        values = {COMPUTED: share, "pieces_lost": lost, **taken(parcels), **self._errors(done, parcels)}
         return Measured(values, progress=share, finished=share == 1.0)
 
     def _errors(self, done: Done[Knowledge], parcels: Sequence[Parcel]) -> dict[str, float]:

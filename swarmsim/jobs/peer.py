@@ -11,7 +11,7 @@ import numpy as np
 from swarmsim.core.jobs import Values
 from swarmsim.core.messages import HEADER
 from swarmsim.core.processors import OwnProcessor
-from swarmsim.jobs.facts.wire import Fact, ShortCodec
+from swarmsim.jobs.facts.wire import Fact, FactCodec
 from swarmsim.jobs.helping import Helper
 from swarmsim.jobs.log import KEPT
 from swarmsim.jobs.plan import STATE_NUMBER, JobPlan, packed, unpacked
@@ -22,7 +22,7 @@ from swarmsim.jobs.worker import Thread, Worker
 MOST_HOPS: Final = AFAR - 1
 SIGNS: Final = 4  # of life within the patience that others have
 CALL: Final = 2  # iterations until a copy is offered again
-SIZES: Final = ShortCodec()
+SIZES: Final = FactCodec(compact=True)
 
 Starts = Callable[[int], Iterable[tuple[int, Values]]]  # the pieces and states that a robot begins with
 

@@ -60,6 +60,7 @@ class JobPlan:
     readers: tuple[tuple[int, ...], ...]  # of each piece: the pieces that read what it shows
     shown: tuple[Shape, ...]  # of what each piece shows at the start
     state: tuple[Shape, ...]  # of each piece's state at the start
+    most: tuple[int, ...]  # numbers of each piece's state at the start or after a step, whichever has more
     centres: NDArray[np.float64]  # (p, 2): x, y in m
     reach: NDArray[np.float64]  # (p,): m, about the side of each piece
     cell: float  # m
@@ -83,12 +84,13 @@ class JobPlan:
         )
         states = [job.start(one, np.zeros(len(one.cells))) for one in pieces]
         shown = tuple(job.shows(one, state, 0).shape for one, state in zip(pieces, states, strict=True))
+        most = tuple(_most(job, *of) for of in zip(pieces, states, shown, strict=True))
         cell = domain.lattice.cell
         centres = np.array([domain.lattice.centres(one.cells).mean(axis=0) for one in pieces])
         reach = np.array([cell * math.sqrt(len(one.cells)) for one in pieces])
         return cls(
-            job, keys, context.swarm, pieces, its, readers, shown, tuple(one.shape for one in states), centres, reach,
-            cell, tuple(_work(job, one) for one in pieces),
+            job, keys, context.swarm, pieces, its, readers, shown, tuple(one.shape for one in states), most, centres,
+            reach, cell, tuple(_work(job, one) for one in pieces),
         )  # fmt: skip
 
     @property
@@ -101,7 +103,7 @@ class JobPlan:
         near = [piece, *(joint.piece for joint in self.joints[piece])]
         steps = min(KEPT * self.job.level + 1, self.steps) if self.keys.fence == "data" else 1
         values = steps * sum(math.prod(self.shown[one]) for one in near)
-        return 8 * ((1 + KEPT) * math.prod(self.state[piece]) + values)
+        return 8 * (self.most[piece] + KEPT * math.prod(self.state[piece]) + values)
 
     def share(self) -> int:
         """The bytes of one robot's share of the copies; 0 for `copies = "all"`, of which it keeps what fits."""
@@ -162,6 +164,16 @@ class JobPlan:
             )
         found.setflags(write=False)
         return found
+
+
+def _most(job: PieceJob, piece: Piece, state: Values, shown: Shape) -> int:
+    """The numbers of a piece's state before its first step or after it, whichever has more."""
+    with np.errstate(all="ignore"):
+        try:
+            after = job.step(piece, state, np.zeros((len(piece.halo), *shown[1:])), 0)
+        except Exception:
+            return state.size
+    return max(state.size, after.size)
 
 
 def _work(job: PieceJob, piece: Piece) -> float:

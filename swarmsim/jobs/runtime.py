@@ -21,8 +21,8 @@ from swarmsim.core.messages import HEADER
 from swarmsim.core.probes import Row
 from swarmsim.core.processors import OwnProcessor, Processors
 from swarmsim.core.state import Record, Senses
-from swarmsim.jobs.facts.tellers import JobStanding, Telling
-from swarmsim.jobs.facts.wire import Fact, ShortCodec
+from swarmsim.jobs.facts.tellers import JobStanding, SharedJob
+from swarmsim.jobs.facts.wire import Fact, FactCodec
 from swarmsim.jobs.letters import PieceLaw
 from swarmsim.jobs.peer import SIZES, Peer
 from swarmsim.jobs.plan import STATE_NUMBER, JobPlan, packed
@@ -79,7 +79,7 @@ class Parcel(JobStanding):
 
     def share(self, alive: NDArray[np.bool_]) -> float:
         """The share of all pieces' steps that living robots have done."""
-        return float(np.maximum(self.progress(alive), 0).mean()) / self.plan.steps
+        return float((np.maximum(self.progress(alive), 0) / self.plan.steps).mean())
 
     def ended(self, alive: NDArray[np.bool_]) -> bool:
         """Whether they have done all."""
@@ -99,7 +99,7 @@ class Parcel(JobStanding):
         return found
 
 
-class Lockstep(Telling[Peer, Parcel]):
+class Lockstep(SharedJob[Peer, Parcel]):
     """A job in pieces, for some robots or all: the peers of a network that share it."""
 
     def __init__(self, job: PieceJob, keys: Shared, context: BuildContext) -> None:
@@ -110,7 +110,8 @@ class Lockstep(Telling[Peer, Parcel]):
         self._processors = context.processors or Processors.unlimited(len(context.ids))
         self._rows = {robot: row for row, robot in enumerate(context.ids.tolist())}
         self._begun = set[int]()
-        super().__init__(context, type(job), (), Parcel, ShortCodec(PieceLaw(self._plan)))
+        codec = FactCodec(compact=True, check=PieceLaw(self._plan))
+        super().__init__(context, self._peer, self._parcel, type(job), _place, knowledge_type=Parcel, codec=codec)
 
     @property
     def plan(self) -> JobPlan:
@@ -131,7 +132,7 @@ class Lockstep(Telling[Peer, Parcel]):
         ]
         return np.array(mine, np.float64) + self._plan.share()
 
-    def _new(self, robot: int) -> Peer:
+    def _peer(self, robot: int) -> Peer:
         share = OwnProcessor(self._processors, self._rows[robot], self._plan.keys.name)
         return Peer(self._plan, robot, self._context.rounds, share, self._starts)
 
@@ -150,7 +151,7 @@ class Lockstep(Telling[Peer, Parcel]):
             sensed = field.value(0.0, self._context.lattice.centres(its.cells))
         return self._plan.job.start(its, sensed)
 
-    def _standing(self, parts: Sequence[Peer], now: int) -> Parcel:
+    def _parcel(self, parts: Sequence[Peer], now: int) -> Parcel:
         step, kept = np.full((2, len(parts), len(self._plan.pieces)), UNKNOWN, np.int32)
         for row, peer in enumerate(parts):
             for piece, thread in peer.worker.threads.items():
@@ -166,9 +167,11 @@ class Lockstep(Telling[Peer, Parcel]):
         )
         return Parcel(self._plan, states, tuple(peer.ended() for peer in parts), step, kept, silent, counts)
 
-    def _look(self, parts: Sequence[Peer], senses: Senses) -> None:
-        for row, peer in enumerate(parts):
-            peer.place = senses.pose[row, :2]
+
+def _place(peers: Sequence[Peer], senses: Senses) -> None:
+    """Tell all where they are."""
+    for row, peer in enumerate(peers):
+        peer.place = senses.pose[row, :2]
 
 
 def _largest(plan: JobPlan) -> Fact:

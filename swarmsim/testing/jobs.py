@@ -82,11 +82,11 @@ def _check_pure(job: PieceJob, piece: Piece, sensed: Values) -> None:
         )
     around = np.ones((len(piece.halo), *shown.shape[1:]))
     after = _twice("step", job.step, piece, state, around, 0)
-    for values in (state, after):
+    for at, values in enumerate((state, after)):
         packed = np.frombuffer(values.astype(">f8").tobytes(), ">f8").astype(np.float64).reshape(values.shape)
         if (
-            _twice("step", job.step, piece, packed, around, 1).tobytes()
-            != _twice("step", job.step, piece, values, around, 1).tobytes()
+            _twice("step", job.step, piece, packed, around, at).tobytes()
+            != _twice("step", job.step, piece, values, around, at).tobytes()
         ):
             raise BrokenError(f"step: piece {piece.number} goes on differently from a copy that was sent", "job")
     answer = _twice("answer", job.answer, piece, after)

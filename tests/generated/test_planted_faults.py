@@ -16,7 +16,7 @@ from swarmsim.core.bundle import Bundle, EnvelopeCodec
 from swarmsim.core.messages import Broadcast, Delivery, Inbox, MessageBuffer
 from swarmsim.core.state import FREE, UNKNOWN
 from swarmsim.engine.exchange import Exchange
-from swarmsim.jobs.facts.wire import ShortCodec
+from swarmsim.jobs.facts.wire import FactCodec
 from swarmsim.jobs.reports import AFAR, SHOW
 from swarmsim.network.channel import PerfectChannel
 from swarmsim.network.delays import LatentChannel
@@ -122,7 +122,7 @@ def counted_per_hearer(said: Any, bundle: Any, *given: Any) -> Broadcast:
 
 def without_an_aim(pack: Any, codec: Any, fact: Any) -> bytes:
     """Values go to the first of their readers alone."""
-    rest = max(fact.robot.bit_count() - 1, 0) if fact.kind == SHOW else 0
+    rest = max(fact.robot.bit_count() - 1, 0) if codec._compact and fact.kind == SHOW else 0
     return pack(codec, fact._replace(value=fact.value[:1] + bytes([AFAR] * rest) + fact.value[1 + rest :]))
 
 
@@ -171,7 +171,7 @@ PLANTED: dict[str, tuple[int, Plant, str]] = {
     ),
     "a value of a job that is sent to one of its readers": (
         16,
-        wrapped(ShortCodec, "_packed", without_an_aim),
+        wrapped(FactCodec, "_packed", without_an_aim),
         r"unpacks to something else",
     ),
     "a cell on a map that nobody saw": (

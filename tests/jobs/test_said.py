@@ -8,7 +8,7 @@ from networks import Heat, Swarm
 
 from swarmsim.core.messages import HEADER, FrameError
 from swarmsim.jobs.alone import alone
-from swarmsim.jobs.facts.wire import Fact, Facts, ShortCodec, long, short
+from swarmsim.jobs.facts.wire import Fact, FactCodec, Facts, long, short
 from swarmsim.jobs.pieces import given
 from swarmsim.jobs.reports import REPORT, SHOW, STATE, PieceClaim, Report
 from swarmsim.operations.methods.explicit import Explicit
@@ -49,7 +49,7 @@ def test_short_numbers_have_seven_bits_a_byte_and_torn_messages_are_refused() ->
         Fact(SHOW, 0),
         Report(9, {3: PieceClaim(7, 2, 5)}, {4: 5}).fact(2, 1),
     ]
-    codec, data = ShortCodec(), ShortCodec().pack(3, 9, Facts.of(facts))
+    codec, data = FactCodec(compact=True), FactCodec(compact=True).pack(3, 9, Facts.of(facts))
     assert codec.unpack(data)[2].rows() == facts
     assert len(data) == HEADER.size + sum(map(codec.size, facts))
     assert Report.of(facts[2]) == Report(9, {3: PieceClaim(7, 2, 5)}, {4: 5})

@@ -13,7 +13,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import HEADER, Broadcast, Inbox
 from swarmsim.core.probes import ProbeTable, Row
 from swarmsim.core.state import Knowledge, Senses
-from swarmsim.jobs.facts.wire import Fact, FactCodec, FactForm, Facts
+from swarmsim.jobs.facts.wire import Fact, FactCodec, Facts
 
 
 class Teller(Protocol):
@@ -66,14 +66,21 @@ class JobStanding(Knowledge, ABC):
         return {}
 
 
-class Telling(ABC, Generic[T, S]):
-    """What robots have in common that tell each other facts; subclasses say which parts they have."""
+class SharedJob(ABC, Generic[T, S]):
+    """A job for some robots, or all, in which each has a part."""
 
     def __init__(
-        self, context: BuildContext, written_by: type | None, tables: tuple[ProbeTable, ...],
-        knowledge_type: type[Knowledge], codec: FactForm,
+        self, context: BuildContext, new: Callable[[int], T], standing: Callable[[Sequence[T], int], S],
+        written_by: type | None = None, look: Callable[[Sequence[T], Senses], None] | None = None,
+        tables: tuple[ProbeTable, ...] = (), knowledge_type: type[Knowledge] = JobStanding,
+        codec: FactCodec | None = None,
     ) -> None:  # fmt: skip
-        """See `Tellers`."""
+        """`new` makes the part of a robot by number; `standing` tells how all stand after an exchange.
+
+        `written_by` is the class whose code it runs, if that is not this package's. `look` gives all parts what their
+        robots sense, before they say anything. `tables` are those that `JobStanding.sample` gives rows of, for
+        recordings and pictures. `knowledge_type` is what `standing` gives. `codec` is the form of its messages.
+        """
         #: What it tells, where it is the minds' computation too.
         self.knowledge_type = knowledge_type
         #: What it shows.
@@ -81,30 +88,20 @@ class Telling(ABC, Generic[T, S]):
         #: The class named in messages about broken contracts.
         self.written_by: type = written_by or type(self)
         #: The form of its messages.
-        self.codec = codec
+        self.codec = codec or FactCodec()
         self._ids, self._rounds = context.ids.tolist(), context.rounds
-        self._parts = [self._new(robot) for robot in self._ids]
+        self._new, self._standing, self._look = new, standing, look
+        self._parts = [new(robot) for robot in self._ids]
         self._awake = np.zeros(len(self._ids), np.bool_)
         self._clock = self._iteration = -1
-
-    @abstractmethod
-    def _new(self, robot: int) -> T:
-        """The part of a robot by number."""
-
-    @abstractmethod
-    def _standing(self, parts: Sequence[T], now: int) -> S:
-        """How all stand after an exchange."""
-
-    @abstractmethod
-    def _look(self, parts: Sequence[T], senses: Senses) -> None:
-        """Give all parts what their robots sense, before they say anything."""
 
     def say(self, senses: Senses) -> Broadcast[Facts]:
         """Every robot's part in one exchange."""
         new = senses.iteration != self._iteration
         self._clock = senses.iteration * self._rounds if new else self._clock + 1
         self._iteration = senses.iteration
-        self._look(self._parts, senses)
+        if self._look is not None:
+            self._look(self._parts, senses)
         told = [self._told(row, senses) for row in range(len(self._parts))]
         sizes = [HEADER.size + sum(map(self.codec.size, facts)) if facts else 0 for facts in told]
         ends = np.cumsum([len(facts) for facts in told], dtype=np.int64)
@@ -137,30 +134,5 @@ class Telling(ABC, Generic[T, S]):
             self._parts[row].learn(self._parts[source])
 
 
-class Tellers(Telling[T, JobStanding]):
-    """A job of facts for some robots, or all."""
-
-    def __init__(
-        self, context: BuildContext, new: Callable[[int], T], standing: Callable[[Sequence[T], int], JobStanding],
-        written_by: type | None = None, look: Callable[[Sequence[T], Senses], None] | None = None,
-        tables: tuple[ProbeTable, ...] = (), knowledge_type: type[Knowledge] = JobStanding,
-        codec: FactForm | None = None,
-    ) -> None:  # fmt: skip
-        """`new` makes the part of a robot by number; `standing` tells how all stand after an exchange.
-
-        `written_by` is the class whose code it runs, if that is not this package's. `look` gives all parts what their
-        robots sense, before they say anything. `tables` are those that `JobStanding.sample` gives rows of, for
-        recordings and pictures. `knowledge_type` is what `standing` gives. `codec` is the form of its messages.
-        """
-        self._given = new, standing, look
-        super().__init__(context, written_by, tables, knowledge_type, codec or FactCodec())
-
-    def _new(self, robot: int) -> T:
-        return self._given[0](robot)
-
-    def _standing(self, parts: Sequence[T], now: int) -> JobStanding:
-        return self._given[1](parts, now)
-
-    def _look(self, parts: Sequence[T], senses: Senses) -> None:
-        if self._given[2] is not None:
-            self._given[2](parts, senses)
+class Tellers(SharedJob[T, JobStanding]):
+    """A job of facts."""

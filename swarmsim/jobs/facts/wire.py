@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, Self
@@ -107,28 +106,32 @@ class Facts(MessageBatch):
         return len(self.facts)
 
 
-class FactForm(ABC):
-    """The header, then fact after fact."""
+class FactCodec:
+    """The header, then fact after fact.
 
-    @abstractmethod
+    In a `compact` one, each has the key with the kind in its last two bits, version, robot, and the length of its value
+    as short numbers.
+    """
+
+    def __init__(self, compact: bool = False, check: Callable[[Fact], None] = lambda fact: None) -> None:
+        """`check` raises FrameError for a fact that none of its tellers says."""
+        self._compact, self._check = compact, check
+
     def size(self, fact: Fact) -> int:
         """The bytes of a fact."""
-
-    @abstractmethod
-    def _packed(self, fact: Fact) -> bytes:
-        """A fact on the wire."""
-
-    @abstractmethod
-    def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
-        """The numbers of the fact that begins at a byte, and where they end."""
-
-    @abstractmethod
-    def _check(self, fact: Fact) -> None:
-        """Raise FrameError for a fact that cannot have been packed."""
+        if not self._compact:
+            return fact.size
+        numbers = fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value)
+        return sum(max(1, -(-number.bit_length() // 7)) for number in numbers) + len(fact.value)
 
     def pack(self, sender: int, iteration: int, items: Facts) -> bytes:
         """One message."""
         return HEADER.pack(sender, iteration) + b"".join(map(self._packed, items.rows()))
+
+    def _packed(self, fact: Fact) -> bytes:
+        if not self._compact:
+            return fact.packed()
+        return short((fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value))) + fact.value
 
     def unpack(self, data: bytes) -> tuple[int, int, Facts]:
         """Its sender, exchange and facts. Raises FrameError for an unknown kind or a wrong length."""
@@ -143,51 +146,17 @@ class FactForm(ABC):
             self._check(facts[-1])
         return sender, iteration, Facts.of(facts)
 
-
-class FactCodec(FactForm):
-    """Numbers as in FORM."""
-
-    def size(self, fact: Fact) -> int:
-        """The bytes of a fact."""
-        return fact.size
-
-    def _packed(self, fact: Fact) -> bytes:
-        return fact.packed()
-
     def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
-        if len(data) - at < FORM.size:
-            raise FrameError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
-        return FORM.unpack_from(data, at), at + FORM.size
-
-    def _check(self, fact: Fact) -> None:
-        """All numbers that find a place in FORM can have been packed."""
-
-
-class ShortCodec(FactForm):
-    """Short numbers: the key with the kind in its last two bits, version, robot, and the length."""
-
-    def __init__(self, check: Callable[[Fact], None] | None = None) -> None:
-        """`check` raises FrameError for a fact that none of its tellers says."""
-        self._law = check
-
-    def size(self, fact: Fact) -> int:
-        """The bytes of a fact."""
-        numbers = fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value)
-        return sum(max(1, -(-number.bit_length() // 7)) for number in numbers) + len(fact.value)
-
-    def _packed(self, fact: Fact) -> bytes:
-        return short((fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value))) + fact.value
-
-    def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
+        """The numbers of the fact that begins at a byte, and where they end."""
+        if not self._compact:
+            if len(data) - at < FORM.size:
+                raise FrameError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
+            return FORM.unpack_from(data, at), at + FORM.size
         found = list[int]()
         while len(found) < 4:
             number, at = short_at(data, at)
             found.append(number)
         return (found[0] & 3, found[0] >> 2, *found[1:]), at
-
-    def _check(self, fact: Fact) -> None:
-        if self._law is not None:
-            self._law(fact)
 
 
 def short(numbers: Iterable[int]) -> bytes:

@@ -162,7 +162,7 @@ class _Sweeping:
     """Sweeps on one piece. A state (2, e, k) has the right side and the iterate of the cells that it solves.
 
     These e cells are its own and the overlap. Chebyshev's (3, e, k) has the iterate before as well. Between steps in
-    time, all but the iterate of its own cells is 0.
+    time, a state (1, c, k) has the fields of its own cells alone.
     """
 
     def __init__(
@@ -190,15 +190,13 @@ class _Sweeping:
             self.work += work
 
     def start(self, fields: Values) -> Values:
-        found = np.zeros((2 if self._weights is None else 3, len(self._solved), fields.shape[1]))
-        found[1, self._mine] = fields
-        return found
+        return fields[None]
 
     def shows(self, state: Values, step: int) -> Values:
         return self.fields(state)[self._patch.rim]
 
     def fields(self, state: Values) -> Values:
-        return np.asarray(state[1, self._mine])
+        return np.asarray(state[0] if len(state) == 1 else state[1, self._mine])
 
     def swept(self, right: Values, seen: Values) -> Values:
         """The solution (e, k) for a right side (e, k) and the values (s, k) of all cells seen."""
