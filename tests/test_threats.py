@@ -304,7 +304,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
 
 
 def test_forged_and_repeated_frames_are_not_heard(tmp_path: Path) -> None:
-    """A hundred thousand; tests/fleet/test_trust.py tells the reasons apart."""
+    """A hundred thousand; tests/fleet/test_strangers.py tells the reasons apart."""
     keys, air = str(write_keys(4, tmp_path / "swarm.keys")), str(tmp_path)
     with ExitStack() as opened:
         signed = transport("signed", over={"use": "memory"}, keys=keys)
@@ -428,11 +428,11 @@ def test_nothing_listens_beyond_loopback() -> None:
         with closing(transport(use).open(free(), WORLD)) as link:
             link.channel("orders")
             assert listening() - before
-            assert {place for place in listening() - before if not place.endswith("7F")} == set()  # 127, backwards
+            assert {one for one in listening() - before if not one[0].endswith("7F")} == set()  # 127, backwards
 
 
-def listening() -> set[str]:
-    """The local addresses, as Linux writes them, of our sockets that take connections or datagrams."""
+def listening() -> set[tuple[str, str]]:
+    """Our sockets that take connections or datagrams: their local addresses, as Linux writes them, and their inodes."""
     found = set[tuple[str, str]]()
     for name in ("tcp", "udp", "tcp6", "udp6"):
         for line in Path(f"/proc/self/net/{name}").read_text().splitlines()[1:]:
@@ -440,4 +440,4 @@ def listening() -> set[str]:
             if words[3] in ("0A", "07"):
                 found.add((words[1].split(":")[0], words[9]))
     own = {str(one.readlink())[8:-1] for one in Path("/proc/self/fd").iterdir() if one.is_symlink()}
-    return {place for place, inode in found if inode in own}
+    return {one for one in found if one[1] in own}

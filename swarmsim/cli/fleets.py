@@ -12,8 +12,17 @@ from swarmsim.cli.options import AllowCode, Overrides, Quiet, Seed
 from swarmsim.cli.progress import RunBar, compiling, progress_bar
 from swarmsim.cli.runs import FINISHED, NOT_FINISHED, table
 
-fleet = typer.Typer(help="Run a swarm as processes: a world, and each robot by itself.", no_args_is_help=True)
-robot = typer.Typer(help="One robot of a fleet.", no_args_is_help=True)
+fleet = typer.Typer(
+    help="Run a swarm as processes: a world, and each robot by itself.\n\n"
+    "Example: swarmsim fleet up scenarios/room.toml --out runs/fleet --transport udp",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+robot = typer.Typer(
+    help="One robot of a fleet.\n\nExample: swarmsim robot charge scenarios/basilica.toml --id 3 --out build/3.charge",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
 
 Scenario = Annotated[Path, typer.Argument(help="Scenario file (TOML).")]
 Transport = Annotated[str, typer.Option(help="What carries frames: udp, zenoh, or an installed part.")]

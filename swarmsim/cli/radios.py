@@ -14,7 +14,12 @@ from swarmsim.cli.options import AllowCode, Overrides
 if TYPE_CHECKING:
     from swarmsim.api.radios import OnRadio
 
-app = typer.Typer(help="Messages on the air: their time on radios that exist, and keys.", no_args_is_help=True)
+app = typer.Typer(
+    help="Messages on the air: their time on radios that exist, and keys.\n\n"
+    "Example: swarmsim radio airtime scenarios/basilica.toml",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
 
 
 @app.command()

@@ -130,7 +130,7 @@ def without_an_aim(pack: Any, codec: Any, fact: Any) -> bytes:
 PLANTED: dict[str, tuple[int, Plant, str]] = {
     "a wall that beams do not see": (13, wrapped(IrRingSensor, "_prepare", without_a_wall), r"beam|cells at"),
     "a wall that bodies do not meet": (
-        291,
+        637,
         wrapped(RigidDiscs, "_build_walls", without_a_wall),
         r"into walls|beyond a wall",
     ),
