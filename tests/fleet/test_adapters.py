@@ -124,8 +124,9 @@ def test_what_is_no_message_is_dropped_and_counted(turtle: tuple[str, subprocess
     with closing(reached(use="ros2", address=place)) as body, zenoh.open(config) as stranger:
         for i in range(2000):
             for topic, bad in (("odom", dice.randbytes(i % 100)), ("scan", good[: i % len(good)])):
-                stranger.put(f"robot3/{topic}", bad)
-        stranger.put("robot3/odom", odometry(float("nan"), 0.0, 0.0, 0.0, 0.0))
+                stranger.put(f"robot3/{topic}", bad, congestion_control=zenoh.CongestionControl.BLOCK)
+        last = odometry(float("nan"), 0.0, 0.0, 0.0, 0.0)
+        stranger.put("robot3/odom", last, congestion_control=zenoh.CongestionControl.BLOCK)
         until(lambda: body.counts["odom"] >= 2001)  # type: ignore[attr-defined]
         time.sleep(0.1)
         assert body.sense().pose == pytest.approx((0.0, 0.5, 0.0))
