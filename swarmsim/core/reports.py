@@ -58,7 +58,7 @@ def report(computation: AnyComputation, knowledge: Knowledge) -> Report:
 
 
 def adopt(computation: AnyComputation, reports: Sequence[Report], inbox: Inbox[MessageBatch]) -> Knowledge:
-    """The knowledge of all robots of a computation, of which this one only keeps what they report.
+    """What all robots know, put together from their reports. The computation itself hears nothing here.
 
     Minds of one's own stay where they are: only what they show is known here. Raises FrameError.
     """

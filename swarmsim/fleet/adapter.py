@@ -15,7 +15,7 @@ Pose = tuple[float, float, float]  # x and y in m, yaw in rad
 class Felt:
     """What a body knows at one moment."""
 
-    pose: Pose | None = None  # in the frame of whoever measures it; None: unknown
+    pose: Pose | None = None  # in the frame of what measures it; None: unknown
     velocity: tuple[float, float] | None = None  # m/s ahead, rad/s; None: unknown
     values: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # what else it senses, by its maker's names
 

@@ -61,7 +61,7 @@ def key_of(robot: int, keys: Mapping[int, bytes], path: str | Path, kind: str) -
 def write_keys(robots: int, out: str | Path) -> Path:
     """Write to `out` new secrets for a world and so many `robots`, readable by you alone: `swarmsim radio keys`.
 
-    Give each robot a copy: whoever has the file can pass for any of them. Raises InputError for a file that exists, or
+    Give each robot a copy: with the file one can pass for any of them. Raises InputError for a file that exists, or
     that cannot be written.
     """
     path = Path(out)

@@ -158,7 +158,7 @@ def opened(transport: str, address: str, robot: int) -> RobotLink:
 
 
 def _end_with_parent() -> None:
-    """End this process when whoever holds the other end of its input has ended, however that came."""
+    """End this process once the process at the other end of its input has ended, for whatever reason."""
 
     def watch() -> None:
         while sys.stdin.buffer.read(1):

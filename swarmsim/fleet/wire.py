@@ -205,7 +205,7 @@ def deed_telegram(robot: int, deed: Deed, actuators: Channels) -> Telegram:
 
 
 def deed_of(telegram: Telegram, actuators: Channels) -> Deed:
-    """What `deed_telegram` made; whoever adopts the report checks it. Raises FrameError."""
+    """What `deed_telegram` made; the report is checked when it is adopted. Raises FrameError."""
     count = 4 + len(actuators)
     report: Report = telegram.arrays[count:]
     return Deed(telegram.iteration, intents_of(telegram.arrays[:count], actuators), report)

@@ -248,6 +248,6 @@ def test_a_stuck_reader_does_not_hold_a_guard_up(thymio: tuple[str, subprocess.P
         body.drive(0.02, 0.0)
         time.sleep(0.1)
     body.drive(-0.02, 0.0)
-    targets(robot, 2.0, [-50, -50])
+    assert targets(robot, 2.0, [-50, -50]) < 2.0
     body.sense()
     body.close()

@@ -29,7 +29,7 @@ _PREAMBLE: Final = 192e-6  # s, the long preamble of IEEE 802.11b, which goes be
 
 
 class Udp(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Frames as broadcast datagrams: whoever is on the interface hears them, and what is lost is lost.
+    """Frames as broadcast datagrams: all on the interface hear them, and what is lost is lost.
 
     The address is HOST:PORT. Frames go to PORT, beacons that say who is there to PORT + 1, and channels by TCP to the
     world's process, which listens at the address; robots without a world need no host there. Needs Linux.
