@@ -22,10 +22,10 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import Scenario, load
 from swarmsim.core.scenario.files import write_whole
 from swarmsim.core.state import Knowledge, Moment
-from swarmsim.engine import build as engine
 from swarmsim.recording.reader import Recording
 
 if TYPE_CHECKING:
+    from swarmsim.engine.build import BuiltRun
     from swarmsim.studies.comparison import Comparison
 
 
@@ -98,13 +98,17 @@ def compare(runs: Sequence[str | Path], *, plot: str | Path | None = None) -> Co
     return compared([Path(path) for path in runs], None if plot is None else Path(plot))
 
 
-def prepared(
-    scenario: str | Path, seed: int | None, overrides: Overrides | None, faults: Sequence[str]
-) -> engine.BuiltRun:
+def prepared(scenario: str | Path, seed: int | None, overrides: Overrides | None, faults: Sequence[str]) -> BuiltRun:
     """A run of a scenario file, at its start. Raises InputError, which names the option at fault."""
-    asked = scenario_of(Path(scenario), seed, overrides, faults)
+    return built(scenario_of(Path(scenario), seed, overrides, faults), scenario, faults)
+
+
+def built(asked: Scenario, scenario: str | Path, faults: Sequence[str] = ()) -> BuiltRun:
+    """A run of what `scenario_of` gives, at its start. Raises InputError, which names the option at fault."""
+    from swarmsim.engine.build import build  # here, so that a scenario with a mistake is told at once
+
     try:
-        return engine.build(asked, str(scenario))
+        return build(asked, str(scenario))
     except InputError as problem:
         for number, text in enumerate(faults, len(asked.faults) - len(faults)):
             place = f"{scenario}: faults[{number}]."
@@ -120,7 +124,7 @@ def scenario_of(path: Path, seed: int | None, overrides: Overrides | None, fault
     return msgspec.structs.replace(scenario, faults=(*scenario.faults, *map(fault_of, faults)))
 
 
-def record(made: engine.BuiltRun, folder: Path, observers: Sequence[Observer] = ()) -> Run:
+def record(made: BuiltRun, folder: Path, observers: Sequence[Observer] = ()) -> Run:
     """Simulate a run to its end into a folder; an interrupted one keeps its recording so far, and its summary."""
     try:
         with made.recorder(folder / "recording.h5") as recorder:

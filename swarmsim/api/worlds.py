@@ -15,11 +15,10 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.file import Scenario, World, assign, decode, set_key
 from swarmsim.core.scenario.files import Table
 from swarmsim.engine.inspection import Inspection, inspect
-from swarmsim.view import plots
 from swarmsim.world import drawing, geojson, rosmap
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.rasters import rasterised
-from swarmsim.world.source import floor_plan, read_world
+from swarmsim.world.source import floor_plan, is_map, read_world
 
 MAPS: Final = (".yaml", ".yml", ".json")
 _PLACE: Final = re.compile(r"\((-?[0-9.]+) m, (-?[0-9.]+) m\)")
@@ -63,6 +62,8 @@ def world_preview(
     title = f"{found.scenario.world.title}: {plan.width:g} m x {plan.height:g} m"
     if found.problem:
         title += f"\n100 % is unattainable: {found.problem}"
+    from swarmsim.view import plots
+
     figure = plots.building(
         plan,
         found.arena.lattice,
@@ -145,7 +146,6 @@ def _with(table: Table, overrides: Overrides | None) -> Table:
 
 def _pixel(world: World) -> float | None:
     """The side of a map's pixel in m; None for other worlds."""
-    ending = Path(world.file).suffix.lower()
-    if world.width is not None or ending not in (".yaml", ".yml", *rosmap.PICTURES):
+    if world.width is not None or not is_map(world):
         return None
     return rosmap.read(Path(world.file), world.resolution).resolution

@@ -44,16 +44,17 @@ def run(
 
     --fault adds to the scenario's faults: --fault "remove at=50 count=5" --fault "motor off at=20 fraction=0.2"
     """
-    from swarmsim.api.runs import new_folder, prepared, record
+    from swarmsim.api.runs import built, new_folder, record, scenario_of
     from swarmsim.core.scenario.file import files_outside
 
     if video is not None:
         from swarmsim.view.video import check_film
 
         check_film(video)
+    asked = scenario_of(scenario, seed, set_, faults or ())
     with progress_bar(quiet) as progress, compiling(progress):
         progress.console.print(f"{scenario}: opening")
-        made = prepared(scenario, seed, set_, faults or ())
+        made = built(asked, scenario, faults or ())
         for notice in (*files_outside(scenario, set_ or ()), *made.notices):
             progress.console.print(f"notice: {notice}", markup=False, highlight=False)
         folder = new_folder(out, scenario.stem)

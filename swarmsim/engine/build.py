@@ -36,7 +36,6 @@ from swarmsim.engine.probing import watching
 from swarmsim.engine.processors import gauges_of
 from swarmsim.engine.simulation import Simulation
 from swarmsim.engine.survey import Case, beams_of, opened, surveyed
-from swarmsim.jobs.takeovers import Takeovers
 from swarmsim.recording.probes import Watching
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import tracked
@@ -144,6 +143,8 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     parts = parts if watch is None else watch(parts)
     parts = _with_faults(scenario, context, parts, clock)
     if parts.jobs is not None:
+        from swarmsim.jobs.takeovers import Takeovers
+
         parts.schedule.enter(Takeovers(parts.jobs))
     probes = watching(scenario, context, parts, clock)
     used = [foreign(one) for one in all_parts(scenario)]

@@ -22,7 +22,6 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.engine.foreign import make
 from swarmsim.engine.guard import Clock, held
 from swarmsim.engine.processors import check_memory, processors_of
-from swarmsim.jobs.onlooker import ObservedJob
 
 
 def bundled(
@@ -90,6 +89,8 @@ def _job(
     found: object = make(part, context, place)
     ours = registry.is_ours(found)
     if not lacking(PieceJob, found):
+        from swarmsim.jobs.onlooker import ObservedJob
+
         asked = part.parameters
         keys = {key: getattr(asked, key) for key in Shared.__struct_fields__ if hasattr(asked, key)}
         try:

@@ -20,12 +20,12 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.scenario.files import check_plain
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
+from swarmsim.world.endings import PICTURES
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.tracing import traced
 from swarmsim.world.viewport import LARGEST
 
 MOST_PIXELS: Final = 64_000_000  # of an image, at a few bytes each
-PICTURES: Final = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".pbm", ".ppm")
 _LEVELS: Final = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}  # of the pixels that map_server's saver writes
 _OCCUPIED, _FREE = 0.65, 0.196  # the thresholds it writes; 205 is p = 0.19608, just unknown
 _DARK: Final = 127  # the lightest level of a wall in a picture without thresholds

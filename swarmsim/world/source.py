@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
@@ -18,31 +19,50 @@ from swarmsim.core.events import Box
 from swarmsim.core.scenario.file import World
 from swarmsim.core.scenario.files import LARGEST
 from swarmsim.core.streams import Streams
-from swarmsim.world import geojson, rosmap, svg
+from swarmsim.world import geojson, svg
 from swarmsim.world.areas import joined, polygons, united
 from swarmsim.world.arena import place_in, spot
-from swarmsim.world.bim import ifc
-from swarmsim.world.cad import dxf
+from swarmsim.world.endings import MAPS, PICTURES
 from swarmsim.world.floor import FIELD, check_outside, floor_of
-from swarmsim.world.indoor import imdf, osm
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 from swarmsim.world.reading import plan_of
 from swarmsim.world.shapes import Drawing
-from swarmsim.world.simulators import sdf, stage
 from swarmsim.world.texts import check_file, text_of
 
+if TYPE_CHECKING:
+    from swarmsim.world.rosmap import Bitmap
+
+Read = Callable[[Path, World], Drawing]
+
+
+def _by(reader: str) -> Read:
+    """A reader whose libraries are imported when a file needs them."""
+
+    def read(path: Path, world: World) -> Drawing:
+        drawing: Drawing = import_module(f"swarmsim.world.{reader}").read(path, world)
+        return drawing
+
+    return read
+
+
+def _simulators(path: Path, world: World) -> Drawing:
+    """The drawing in a world of Gazebo or Stage, which end in the same letters."""
+    from swarmsim.world.simulators import sdf, stage
+
+    return (sdf.read if sdf.holds(path) else stage.read)(path, world)
+
+
 #: The readers by file ending, apart from maps in pixels and texts that are floor plans already.
-_READERS: Final[dict[str, Callable[[Path, World], Drawing]]] = {
-    ".dxf": dxf.read,
-    ".ifc": ifc.read,
-    ".imdf": imdf.read,
-    ".osm": osm.read,
-    ".sdf": sdf.read,
-    ".world": lambda path, world: (sdf.read if sdf.holds(path) else stage.read)(path, world),
+_READERS: Final[dict[str, Read]] = {
+    ".dxf": _by("cad.dxf"),
+    ".ifc": _by("bim.ifc"),
+    ".imdf": _by("indoor.imdf"),
+    ".osm": _by("indoor.osm"),
+    ".sdf": _by("simulators.sdf"),
+    ".world": _simulators,
     ".wkt": lambda path, world: geojson.read_wkt(text_of(path), str(path), world),
-    ".zip": imdf.read,
+    ".zip": _by("indoor.imdf"),
 }
-_MAPS: Final = (".yaml", ".yml", *rosmap.PICTURES)
 _MODEL: Final = 1_000_000_000  # bytes of a building's model; one storey of it is kept
 _EXPECTED: Final = (
     "a drawing (.svg, .dxf), a map (.yaml, .pgm, .png), polygons (.geojson, .wkt), a building model (.ifc), an indoor "
@@ -60,7 +80,7 @@ def read_world(world: World, cell: float) -> str:
         return _made(world, cell)
     path = Path(world.file)
     ending = path.suffix.lower()
-    if ending in _MAPS:
+    if ending in MAPS:
         return geojson.written(_bitmap(world).plan(str(path), cell, world.unknown == "wall"))
     if ending not in _READERS and not path.is_dir():
         _check(world)
@@ -75,7 +95,7 @@ def drawing_of(world: World) -> Drawing:
     """The drawing in a world's file, unless that is a map in pixels. Raises InputError."""
     path = Path(world.file)
     _check(world)
-    reader = imdf.read if path.is_dir() else _READERS.get(path.suffix.lower())
+    reader = _READERS.get(".imdf" if path.is_dir() else path.suffix.lower())
     if reader is not None:
         return reader(path, world)
     text = text_of(path)
@@ -84,7 +104,7 @@ def drawing_of(world: World) -> Drawing:
 
 def is_map(world: World) -> bool:
     """Whether a world is a map in pixels."""
-    return Path(world.file).suffix.lower() in _MAPS
+    return Path(world.file).suffix.lower() in MAPS
 
 
 def _is_json(text: str) -> bool:
@@ -103,13 +123,15 @@ def _check(world: World) -> None:
         check_file(path, _EXPECTED, _MODEL if path.suffix.lower() == ".ifc" else LARGEST)
 
 
-def _bitmap(world: World) -> rosmap.Bitmap:
+def _bitmap(world: World) -> Bitmap:
     """The map in pixels that a world names."""
+    from swarmsim.world import rosmap
+
     path = Path(world.file)
     _check(world)
     if world.width is None:
         return rosmap.read(path, world.resolution)
-    picture = path if path.suffix.lower() in rosmap.PICTURES else rosmap.image_of(path)
+    picture = path if path.suffix.lower() in PICTURES else rosmap.image_of(path)
     resolution = world.width / rosmap.columns_of(picture)
     return replace(rosmap.read(path, resolution), resolution=resolution)
 

@@ -111,6 +111,25 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.stderr.strip() == ""
 
 
+@pytest.mark.parametrize(
+    ("arguments", "heavy"),
+    [
+        (["run", "scenarios/room.toml", "--set", "robots.cout=3"], ("numba", "scipy", "shapely", "pymunk", "rich")),
+        (["run", "scenarios/none.toml"], ("numba", "scipy", "shapely", "pymunk", "rich")),
+        (["world", "check", "worlds/room.svg", "--set", "world.scale=0.5"], ("matplotlib", "ezdxf", "pygame")),
+    ],
+)
+def test_a_mistake_is_told_without_waiting_for_what_it_does_not_need(
+    arguments: list[str], heavy: tuple[str, ...]
+) -> None:
+    code = (
+        f"import sys; from swarmsim.cli import main; sys.argv[1:] = {arguments}\n"
+        f"try: main()\nfinally: print('imported:', *(m for m in {heavy} if m in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.stdout.splitlines()[-1].strip() == "imported:", done.stdout + done.stderr
+
+
 PILLAR = '<rect x="1.35" y="0" width="0.15" height="{}"/>'
 BAD_PLANS = [
     ({"text": "no svg"}, "w.svg", "XML"),

@@ -25,6 +25,7 @@ from swarmsim.studies.benchmark.listed import lines_of
 from swarmsim.studies.benchmark.sets import SET, WORLDS, SetFile, SetWorld, digest_of
 from swarmsim.world import geojson, rosmap
 from swarmsim.world.areas import polygons
+from swarmsim.world.endings import PICTURES
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 from swarmsim.world.source import floor_plan, read_world
 
@@ -98,7 +99,7 @@ def maps_in(folder: Path) -> list[Path]:
         except InputError:
             continue  # some other YAML file
         pairs.append(file)
-    pictures = [file for file in sorted(folder.rglob("*")) if file.suffix.lower() in rosmap.PICTURES]
+    pictures = [file for file in sorted(folder.rglob("*")) if file.suffix.lower() in PICTURES]
     found = [*pairs, *(file for file in pictures if file.resolve() not in named)]
     if not found:
         raise InputError(f"{folder}: no map in it; expected map_server's YAML files, PNG or PGM")
@@ -107,7 +108,7 @@ def maps_in(folder: Path) -> list[Path]:
 
 def started(file: Path, how: Pictures, base: Table) -> FloorPlan:
     """A map as a floor plan with a start area, if all of it can be explored. Raises InputError."""
-    bare = file.suffix.lower() in rosmap.PICTURES
+    bare = file.suffix.lower() in PICTURES
     world = World(file=str(file), width=how.width, resolution=how.resolution if bare else None)
     cell = _scenario(base, file).grid.cell
     text = read_world(world, cell) if how.floor is None or not bare else _by_level(file, how, cell)
