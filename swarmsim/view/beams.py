@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.strtree import STRtree
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
@@ -14,6 +18,8 @@ from swarmsim.robots.ring import WholeRing
 from swarmsim.robots.sensors import IrRing
 from swarmsim.world.arena import Arena
 from swarmsim.world.plan import FloorPlan
+
+MARGIN: Final = 1e-6  # m: rounding must not hide a wall that a beam just reaches
 
 
 class BeamReplay:
@@ -27,7 +33,7 @@ class BeamReplay:
         counts = [group.count for group in scenario.robots.groups] if len(rings) > 1 else [scenario.robots.count]
         self._rings = [ring for ring, count in zip(rings, counts, strict=True) for _ in range(count)]
         self._boxes: tuple[Box, ...] = ()
-        self._walls = self._arena.segments
+        self._sort(self._arena)
 
     def lengths(
         self, robot: int, pose: NDArray[np.float64], boxes: tuple[Box, ...], discs: NDArray[np.float64]
@@ -41,10 +47,17 @@ class BeamReplay:
             return np.empty(0)
         if boxes != self._boxes:
             self._boxes = boxes
-            self._walls = self._arena.with_boxes(boxes).segments if boxes else self._arena.segments
+            self._sort(self._arena.with_boxes(boxes) if boxes else self._arena)
         reach = self.reach(robot)
-        distance, _ = rays.cast(pose[:2], ring.angles() + pose[2], reach, self._walls, discs)
+        within = shapely.box(*(pose[:2] - reach - MARGIN), *(pose[:2] + reach + MARGIN))
+        near = self._walls[np.sort(self._places.query(within))]
+        distance, _ = rays.cast(pose[:2], ring.angles() + pose[2], reach, near, discs)
         return np.asarray(np.minimum(distance, reach))
+
+    def _sort(self, arena: Arena) -> None:
+        """Sort the walls of an arena by place."""
+        self._walls = arena.segments
+        self._places = STRtree(np.asarray(shapely.linestrings(self._walls.reshape(-1, 2, 2))))
 
     def bearings(self, robot: int) -> list[float]:
         """The bearings of a robot's beams in rad; empty without a ring."""

@@ -141,6 +141,7 @@ class Arena:
             )
         return richest_piece(fits, seeds)
 
+    @lru_cache(maxsize=16)  # noqa: B019 - as above
     def standing(self, radius: float) -> Cells:
         """The free cells (rows, columns) at whose centre a disc of `radius` (m) is clear of all walls."""
         reach = math.ceil(radius / self.lattice.cell)  # beyond it, no occupied cell is in the way
@@ -152,6 +153,7 @@ class Arena:
         )
         fits = ~self.occupied
         fits[tuple(places[touching].T)] = False
+        fits.flags.writeable = False
         return fits
 
     def explorable(self, reachable: Cells, observed: Cells) -> Cells:

@@ -5,23 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.kernels.flood import steps
+
 Cells = NDArray[np.bool_]  # (rows, columns)
 
 
 def flood(open_cells: Cells, seeds: Cells) -> NDArray[np.int32]:
     """Steps (rows, columns) between 4-neighbours in `open_cells` from the nearest seed; -1 without a way."""
-    width = open_cells.shape[1] + 2
-    free = np.pad(open_cells, 1).ravel()
-    front = np.flatnonzero(np.pad(seeds & open_cells, 1))
-    hops = np.full(free.size, -1, dtype=np.int32)
-    step = 0
-    while front.size:
-        hops[front] = step
-        free[front] = False
-        around = (front[:, None] + (-width, -1, 1, width)).ravel()
-        front = np.unique(around[free[around]])
-        step += 1
-    return hops.reshape(-1, width)[1:-1, 1:-1]
+    hops: NDArray[np.int32] = steps(open_cells, seeds)
+    return hops
 
 
 def spread(open_cells: Cells, labels: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -53,3 +53,30 @@ def test_a_change_of_the_building_is_explored_anew_for_those_who_ask() -> None:
 def test_sensors_that_ask_what_can_be_explored_are_surveyed_with_as_well() -> None:
     floor = 'sensors=[{use="ground", floors=[{use="formula", formula="x"}]}]'
     assert made('sensor={use="ir-ring"}', floor).explorable.any()
+
+
+@pytest.mark.parametrize("tile", ["[6, 7]", "[7, 6]", "[5, 9]"])
+@pytest.mark.parametrize("scenario", ["basilica", "worlds/house", "worlds/cave"])
+def test_places_that_are_left_out_would_add_nothing(scenario: str, tile: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked_from = 0
+    tiles_from = survey.tiles_from
+
+    def counted(sensor, context, points):  # type: ignore[no-untyped-def]
+        nonlocal looked_from
+        looked_from += len(points)
+        return tiles_from(sensor, context, points)
+
+    def explored() -> tuple[np.ndarray, int]:
+        nonlocal looked_from
+        survey.opened.cache_clear()
+        survey.surveyed.cache_clear()
+        looked_from = 0
+        return made(f"sensor.tile={tile}", scenario=scenario).simulation.parts.building.explorable, looked_from
+
+    monkeypatch.setattr(survey, "tiles_from", counted)
+    monkeypatch.setattr(survey, "MANY", 500)
+    found, few = explored()
+    monkeypatch.setattr(survey, "_known", lambda observed, cells, window: np.zeros(len(cells), np.bool_))
+    everywhere, all_ = explored()
+    assert np.array_equal(found, everywhere)
+    assert few < 0.8 * all_

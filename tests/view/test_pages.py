@@ -19,6 +19,7 @@ from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
 from swarmsim.view.layers.known import SEEN
 from swarmsim.view.page.document import replay_page, study_page
+from swarmsim.view.page.tracks import _differing
 from swarmsim.view.scene import Scene
 
 FAULTS = """faults=[{use="people", count=1}, {use="join", at=8}, {use="motor", failure="off", at=5, count=1},
@@ -69,6 +70,15 @@ def test_the_page_of_the_basilica_is_below_five_megabytes(tmp_path: Path) -> Non
         assert run.simulation.run([recorder])
     page = replay_page(Recording(tmp_path))
     assert 100_000 < len(page.encode()) < 5_000_000
+
+
+@pytest.mark.parametrize("size", [1, 7, 8, 61])
+def test_cells_that_differ_are_found_word_by_word(size: int) -> None:
+    random = np.random.default_rng(size)
+    for _ in range(50):
+        before = random.integers(0, 3, size, np.uint8)
+        new = np.where(random.random(size) < 0.1, random.integers(0, 3, size, np.uint8), before)
+        assert np.array_equal(_differing(new, before), np.flatnonzero(new != before))
 
 
 def test_the_verb_writes_pages_and_refuses_what_it_cannot_show(recording: Recording, tmp_path: Path) -> None:

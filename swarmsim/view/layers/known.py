@@ -57,6 +57,7 @@ class MapLayer:
             counts = known if self._robots <= MOST else -(-MOST * known // self._robots)
             occupied: NDArray[np.bool_] = self._scene.cells(row) == OCCUPIED
             self._row, self._counts = row, np.where(occupied, SEEN, counts).astype(np.uint8)
+            self._counts.flags.writeable = False
         return self._counts
 
     def _raster(

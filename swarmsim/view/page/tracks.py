@@ -15,6 +15,7 @@ from swarmsim.view.scene import Frame, Scene
 
 Array = NDArray[np.generic]
 MILLI: Final = 1000.0  # places are kept in mm, angles in mrad, lengths in cm
+WORD: Final = 8  # bytes
 MOST_RAYS: Final = 4_000_000  # in the whole run; a page with more would be too large
 
 
@@ -34,9 +35,12 @@ class Tracks:
         self._tracks: dict[object, Track] = {}
         self.inks: list[Ink] = []
         self.texts: list[str] = []
+        # By the addresses of two rasters: where they differ, and the rasters, whose addresses are not given away then.
+        self._compared: dict[tuple[int, int], tuple[NDArray[np.int64], Array, Array]] = {}
         layers, everybody = LayerStack(scene), tuple(range(scene.robots))
         refused: set[str] = set()
         for row in range(scene.iterations):
+            self._compared.clear()
             shot = scene.at(row, None, everybody)
             drawn: set[object] = set()
             for layer in layers.all:
@@ -69,10 +73,28 @@ class Tracks:
             seen.add(key)
             track = self._tracks.setdefault(key, Track(words, {}, [], {}))
             if isinstance(mark, Raster):
-                _note_cells(track, row, mark.values)
+                places = self._changed(track, mark.values)
+                if len(places):
+                    track.cells.append((row, places, mark.values.ravel()[places]))
             for name, column in columns.items():
                 _note(track.states.setdefault(name, []), row, column)
         return seen
+
+    def _changed(self, track: Track, values: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """Which cells of a raster are others than before; robots often share one that nobody can write to."""
+        before = track.before.get("values")
+        if before is None:
+            before = np.zeros(values.shape, values.dtype)
+        if not values.flags.writeable:
+            track.before["values"] = values
+            pair = id(before), id(values)
+            if pair not in self._compared:
+                self._compared[pair] = _differing(values.ravel(), before.ravel()), before, values
+            return self._compared[pair][0]
+        places = _differing(values.ravel(), before.ravel())
+        track.before["values"] = before = before if before.flags.writeable else before.copy()
+        before.ravel()[places] = values.ravel()[places]
+        return places
 
     def _parted(self, mark: Mark, shot: Frame) -> tuple[dict[str, object], dict[str, Array]]:
         """The words common to all shapes, and the columns with a number for each."""
@@ -184,10 +206,10 @@ def _note(states: list[tuple[int, Array]], row: int, column: Array) -> None:
         states.append((row, column.copy()))
 
 
-def _note_cells(track: Track, row: int, values: NDArray[np.uint8]) -> None:
-    """Record the cells of a raster that have changed."""
-    before = track.before.get("values", np.zeros_like(values))
-    places = np.flatnonzero(values != before)
-    if len(places):
-        track.cells.append((row, places, values.ravel()[places]))
-    track.before["values"] = values.copy()
+def _differing(new: Array, before: Array) -> NDArray[np.int64]:
+    """Where two rasters (n,) of bytes differ; words of them are compared first, as most are equal."""
+    whole = new.size - new.size % WORD
+    words = np.flatnonzero(new[:whole].view(np.uint64) != before[:whole].view(np.uint64))
+    places = np.concatenate([(words[:, None] * WORD + np.arange(WORD)).ravel(), np.arange(whole, new.size)])
+    found: NDArray[np.int64] = places[new[places] != before[places]]
+    return found
