@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -15,7 +15,8 @@ from swarmsim.core.parts import Bodies, Motion, Parts, WheelSpeeds
 from swarmsim.core.state import Intents
 from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline
-from swarmsim.robots.kinematics import drives_of
+from swarmsim.robots.kinematics import TwoWheels, drives_of
+from swarmsim.robots.motion import Compiled
 
 SIDES = {"left": (True, False), "right": (False, True), "both": (True, True)}
 
@@ -68,7 +69,7 @@ class MotorFailure(StatelessEffect):
         return replace(parts, motion=motion)
 
 
-class FailingMotion:
+class FailingMotion(Compiled):
     """Motion in which some wheels of live robots fail; those of the dead stand."""
 
     def __init__(
@@ -93,3 +94,11 @@ class FailingMotion:
         wanted = self._inner.command(pose)
         np.copyto(wanted, wanted * self._gain + self._bias, where=self._failing)
         return wanted
+
+    def course(self, wheels: TwoWheels) -> tuple[Any, ...] | None:
+        """The course of the wrapped motion with one failure more, if it has one."""
+        inner = self._inner.course(wheels) if isinstance(self._inner, Compiled) else None
+        if inner is None:
+            return None
+        *way, failing, laws = inner
+        return (*way, np.concatenate([failing, self._failing[None]]), np.vstack([laws, (self._gain, self._bias)]))

@@ -43,14 +43,16 @@ def _each(typingctx, function, space, callback, data):
 @njit(cache=True, error_model="numpy")
 def roll(
     count, dt, engine, written, read, moving, wheels, push, traits,
-    waypoints, counts, cursor, ahead, paces, aims, wanted, turning, twisting, rims,
+    waypoints, counts, cursor, ahead, paces, aims, wanted, turning, twisting, rims, failing, laws,
 ):  # fmt: skip
     """Run `count` sub-steps of `dt` (s): follow waypoints, push, step the engine and read it, each time.
 
     `engine` (7,) are the addresses of: the engine's step, its call for each body, the space, the call that writes
     forces with its data, and the call that reads motions with its data. `written` and `read` (1,), in the engine's
     memory, count the numbers these have handled. Robots that are `turning` (n,) take the wheel speeds `twisting` (n, 2)
-    instead of following waypoints. All else is as in `forces`, `pursue` and `towards`.
+    instead of following waypoints. Then come the failures of motors, one after another: where `failing` (f, n, 2), a
+    wheel's speed becomes `laws` (f, 2), a gain, times the wanted one, plus a bias (m/s). All else is as in `forces`,
+    `pursue` and `towards`.
     """
     size = written[0]
     for _ in range(count):
@@ -59,6 +61,11 @@ def roll(
         for i in range(len(turning)):
             if turning[i]:
                 wanted[i, 0], wanted[i, 1] = twisting[i, 0], twisting[i, 1]
+        for f in range(len(laws)):
+            for i in range(len(wanted)):
+                for w in range(2):
+                    if failing[f, i, w]:
+                        wanted[i, w] = wanted[i, w] * laws[f, 0] + laws[f, 1]
         forces(moving, wheels, wanted, push, dt, traits)
         written[0] = 0
         _each(engine[1], engine[2], engine[3], engine[4])

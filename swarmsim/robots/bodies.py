@@ -21,7 +21,7 @@ from swarmsim.core.parts import Motion
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
 from swarmsim.robots.kinematics import TwoWheels, differential, drives_of
-from swarmsim.robots.motion import WaypointFollower
+from swarmsim.robots.motion import Compiled
 
 STRIDE = 0.25  # of its radius, the most that a robot may drive in a sub-step: more would let it pass thin walls
 MOST = 100_000  # sub-steps of an iteration
@@ -223,11 +223,12 @@ class RigidDiscs:
         space, clear = self.space, self._reading.clear
         moving, wheels, push = self._moving, self._wheels, self._push
         pose = moving[:, :3]
-        # With no people, an unwrapped motion and two wheels each, a period is one compiled call, except for a first
+        # With no people and two wheels each, a period is one compiled call if the motion offers it, except for a first
         # sub-step of pymunk's own after something was added to the space or removed from it.
-        kind = self._drives.alone
-        rolls = (motion, kind) if isinstance(motion, WaypointFollower) and isinstance(kind, TwoWheels) else None
-        asked = substeps if crowds or rolls is None else int(self._stirred)
+        kind, course = self._drives.alone, None
+        if isinstance(motion, Compiled) and isinstance(kind, TwoWheels) and not crowds:
+            course = motion.course(kind)
+        asked = substeps if course is None else int(self._stirred)
         for _ in range(asked):
             for crowd, walkers, solid in crowds:
                 for body, velocity in zip(walkers, crowd.walk(pose, solid, dt).tolist(), strict=True):
@@ -237,10 +238,9 @@ class RigidDiscs:
             space.step(dt)
             clear()
             batch.get_space_bodies(space, READ, self._reading)
-        if rolls is not None:
-            follower, two = rolls
+        if course is not None and isinstance(kind, TwoWheels):
             engine = (self._engine, self._written, self._read)
-            drive.roll(substeps - asked, dt, *engine, moving, wheels, push, two.traits, *follower.course(two))
+            drive.roll(substeps - asked, dt, *engine, moving, wheels, push, kind.traits, *course)
         self._stirred = False
         self._iteration += 1
         return self.state()

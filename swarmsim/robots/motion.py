@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Annotated, Any
 
 import numpy as np
@@ -30,7 +31,15 @@ class PurePursuit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
         return WaypointFollower(self, context)
 
 
-class WaypointFollower:
+class Compiled(ABC):
+    """A motion whose commands to two wheels the compiled loop of sub-steps can give itself."""
+
+    @abstractmethod
+    def course(self, wheels: TwoWheels) -> tuple[Any, ...] | None:
+        """The arguments of `drive.roll` from `waypoints` on, for one period; None if it has to be asked after all."""
+
+
+class WaypointFollower(Compiled):
     """Follows each robot's waypoints by pure pursuit, or its velocity."""
 
     def __init__(self, parameters: PurePursuit, context: BuildContext) -> None:
@@ -79,8 +88,9 @@ class WaypointFollower:
         return self._wanted
 
     def course(self, wheels: TwoWheels) -> tuple[Any, ...]:
-        """The arguments of `drive.roll` from `waypoints` on, for robots on two wheels."""
+        """The way of each robot, with no failure of its motors."""
         return (
             self._waypoints, self._counts, self._cursor, self._ahead, self._paces, self._aims, self._wanted,
             self._turning, self._twisting, wheels.rims,
+            np.empty((0, len(self._turning), 2), np.bool_), np.empty((0, 2)),
         )  # fmt: skip

@@ -452,12 +452,28 @@ class Wrapped:
         return self._inner.command(pose)
 
 
-@pytest.mark.parametrize("scenario", ["room", "operations/heading-consensus", "faults/returns"])
-def test_a_period_in_one_compiled_call_moves_bodies_as_the_loop_in_python_does(scenario: str) -> None:
-    fast, slow = (made("stop.iterations=40", scenario=scenario).simulation for _ in range(2))
+FAILING = (
+    'faults=[{use="motor", failure="slow", at=3, duration=20, wheel="left", factor=0.3, count=2}, '
+    '{use="motor", failure="stuck", at=8, speed=-0.05, wheel="right", count=1}, '
+    '{use="motor", failure="off", at=20, count=1}]'
+)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "changes"),
+    [("room", ()), ("operations/heading-consensus", ()), ("faults/returns", ()), ("room", (FAILING,))],
+)
+def test_a_period_in_one_compiled_call_moves_bodies_as_the_loop_in_python_does(
+    scenario: str, changes: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fast, slow = (made("stop.iterations=40", *changes, scenario=scenario).simulation for _ in range(2))
     slow.parts = replace(slow.parts, motion=Wrapped(slow.parts.motion))
+    rolled: list[int] = []
+    monkeypatch.setattr(drive, "roll", lambda count, *rest, roll=drive.roll: (rolled.append(count), roll(count, *rest)))
     for _ in range(40):
         one, other = fast.tick().state, slow.tick().state
+        assert rolled.pop() > 0  # the other runs the loop in Python
+        assert not rolled
         assert_array_equal(one.pose, other.pose)
         assert_array_equal(one.velocity, other.velocity)
         assert_array_equal(one.wheels, other.wheels)
