@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from swarmsim.core.assembly import BuiltMind
 from swarmsim.core.errors import InputError
+from swarmsim.core.own import line_of
 from swarmsim.core.parts import AnyComputation, AnyStrategy, AnyTask, Parts
 from swarmsim.core.readings import Channels
 from swarmsim.core.scenario import registry
@@ -101,6 +102,6 @@ def _free_names(seam: str, part: object, place: str, used: dict[str, str]) -> se
         if wrong is None and name in used:
             wrong = f"{name!r} is already recorded by the {used[name]}; expected such as 'own_{name}'"
         if wrong is not None:
-            raise InputError(f"{place} {says}: {wrong}{at}")
+            raise InputError(f"{place} {says}: {wrong}{line_of(*at)}")
         found.add(name)
     return found

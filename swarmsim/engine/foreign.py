@@ -77,23 +77,20 @@ def _check_arguments(seam: str, part: object, what: str) -> None:
             ) from None
 
 
-def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:  # noqa: ANN401 - a computation or a task
+def announced(seam: str, part: Any) -> Iterator[tuple[str, str, tuple[type, str]]]:  # noqa: ANN401 - a computation, task
     """The names of a part's recorded tables, as far as it declares them before the run.
 
-    Each comes with its source in words, and the line of code.
+    Each comes with its source in words, and what `line_of` takes to tell the line of code.
     """
     kind = registry.author_of(part)
     if seam == "task":
-        yield part.curve.name, f"measures {part.curve.name!r}", line_of(kind)
+        yield part.curve.name, f"measures {part.curve.name!r}", (kind, "")
         return
-    for name in getattr(part, "recorded", ()) if issubclass(part.knowledge_type, OwnMinds) else ():
-        yield name, f"records {name!r}", line_of(kind, "recorded")
-    for field in fields(part.knowledge_type) if issubclass(part.knowledge_type, Estimates) else ():
-        yield (
-            field.name,
-            f"gives {part.knowledge_type.__name__} with a field {field.name!r}",
-            line_of(part.knowledge_type, field.name),
-        )
+    known = part.knowledge_type
+    for name in getattr(part, "recorded", ()) if issubclass(known, OwnMinds) else ():
+        yield name, f"records {name!r}", (kind, "recorded")
+    for field in fields(known) if issubclass(known, Estimates) else ():
+        yield field.name, f"gives {known.__name__} with a field {field.name!r}", (known, field.name)
 
 
 def installed(fault: Fault, use: str, parts: Parts) -> Parts:

@@ -17,6 +17,7 @@ from typing import Final
 _PACKAGE: Final = Path(__file__).parents[2]
 _PYTHON: Final = tuple(sysconfig.get_path(name) + os.sep for name in ("stdlib", "platstdlib"))
 _INSTALLED: Final = {"site-packages", "dist-packages"}
+Stamps = dict[str, tuple[int, int]]
 CHANGED: Final = "+"  # after the hash of files changed since this process loaded them
 
 
@@ -115,13 +116,13 @@ def _content(places: frozenset[Path]) -> str:
     It ends with CHANGED if they differ by now: then it is unknown which version this process has loaded.
     """
     first, found = _first(places)
-    return found if _stamps(_files(places)) == first else found + CHANGED
+    return found if _stamps(places) == first else found + CHANGED
 
 
 @lru_cache(maxsize=64)
-def _first(places: frozenset[Path]) -> tuple[tuple[tuple[int, int], ...], str]:
-    files = _files(places)
-    stamps, made = _stamps(files), hashlib.blake2b(digest_size=8)
+def _first(places: frozenset[Path]) -> tuple[Stamps, str]:
+    stamps, made = _stamps(places), hashlib.blake2b(digest_size=8)
+    files = sorted(map(Path, stamps))
     above = os.path.commonpath([place.parent for place in places]) if places else ""
     for file in files:
         text = file.read_bytes()
@@ -130,11 +131,17 @@ def _first(places: frozenset[Path]) -> tuple[tuple[tuple[int, int], ...], str]:
     return stamps, made.hexdigest()
 
 
-def _files(places: Iterable[Path]) -> list[Path]:
-    code = {file for place in places if place.is_dir() for file in place.rglob("*.py")}
-    return sorted(code | {place for place in places if place.is_file()})
+def _stamps(places: Iterable[Path]) -> Stamps:
+    """When each of these files, and of the files of code in these folders, was last changed, and its size."""
+    found: Stamps = {}
+    for place in places:
+        if not place.is_dir():
+            found |= {str(place): _stamp(place.stat())} if place.is_file() else {}
+        for folder, _, names in os.walk(place):
+            code = [f"{folder}{os.sep}{name}" for name in names if name.endswith(".py")]
+            found |= {file: _stamp(os.stat(file)) for file in code}  # noqa: PTH116 - for each run, and Path is slow
+    return found
 
 
-def _stamps(files: Iterable[Path]) -> tuple[tuple[int, int], ...]:
-    found = [file.stat() for file in files]
-    return tuple((one.st_mtime_ns, one.st_size) for one in found)
+def _stamp(status: os.stat_result) -> tuple[int, int]:
+    return status.st_mtime_ns, status.st_size

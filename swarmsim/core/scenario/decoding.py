@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, get_origin
 
@@ -130,7 +131,7 @@ def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str 
 
     Raises InputError for the first key that the struct lacks or that is not finite.
     """
-    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+    fields = _fields_of(kind)
     for key in given:
         if key not in fields:
             now = key_now(key, fields)
@@ -150,6 +151,11 @@ def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str 
         elif field.required and key not in given:
             missing.append(f"{place}{key}")
     return missing
+
+
+@lru_cache(maxsize=256)
+def _fields_of(kind: type[msgspec.Struct]) -> dict[str, msgspec.structs.FieldInfo]:
+    return {field.encode_name: field for field in msgspec.structs.fields(kind)}
 
 
 def _infinite(value: object) -> float | None:

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import reduce
+from functools import lru_cache, reduce
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Protocol, TypeGuard, cast
 
@@ -523,13 +523,13 @@ def _kind(table: Table, path: str) -> types.Type | None:
     if path.strip() == "world":  # may be just its file's name
         return types.StrType()
     keys, inner = _places(table, path)[0], cast(Tables, spelled_out(table))
-    kind: types.Type = types.type_info(Scenario)
+    kind: types.Type = _info(Scenario)
     place: tuple[str, ...] = ()  # in the scenario or, below it, in a group of robots
     for depth, key in enumerate(keys):
         if isinstance(inner, list):
             if keys[:depth] not in (["robots"], ["robots", "groups"]):
                 return None
-            kind, place, inner = types.type_info(Group), (), inner[_number(inner, key, ".".join(keys[:depth]))]
+            kind, place, inner = _info(Group), (), inner[_number(inner, key, ".".join(keys[:depth]))]
             continue
         seam = at_place(place)
         if seam is not None and key == "use":
@@ -538,7 +538,7 @@ def _kind(table: Table, path: str) -> types.Type | None:
             use = inner.get("use", seam.default)
             if not isinstance(use, str) or use not in registry.entries(seam.name):
                 return None
-            kind = types.type_info(registry.find(seam.name, use))
+            kind = _info(registry.find(seam.name, use))
         fields = kind.fields if isinstance(kind, types.StructType) else ()
         found = [field.type for field in fields if field.encode_name == key]
         if not found:
@@ -546,6 +546,11 @@ def _kind(table: Table, path: str) -> types.Type | None:
         kind, value, place = found[0], inner.get(key), (*place, key)
         inner = value if isinstance(value, dict) or _are_tables(value) else {}
     return kind
+
+
+@lru_cache(maxsize=128)
+def _info(kind: type) -> types.Type:
+    return types.type_info(kind)
 
 
 def assign(table: Table, path: str, value: object) -> None:
