@@ -14,7 +14,7 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import Scenario, load
 from swarmsim.core.scenario.part import NONE, Part
 from swarmsim.engine.build import build
-from swarmsim.fleet.radios import RADIOS
+from swarmsim.network.radios import RADIOS
 
 
 @dataclass(frozen=True, slots=True)

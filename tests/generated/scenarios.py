@@ -291,6 +291,10 @@ class _Draw:
                 "queue": lambda: self._maybe(dice.randint(0, 6)),
                 "expiry": lambda: self._maybe(dice.randint(0, 4)),
             },
+            "contention": {
+                "radio": lambda: OMITTED, "bytes_per_second": lambda: dice.choice((300.0, 3000.0)),
+                "overhead": lambda: self._maybe(12.0), "duty": lambda: self._maybe(0.05),
+            },
             "tdma": {"bytes": lambda: self._maybe(dice.choice((20.0, 200.0)))},
             "path-loss": {
                 "power": lambda: self._maybe(round(dice.uniform(-30.0, 15.0), 1)),

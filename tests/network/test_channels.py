@@ -41,6 +41,7 @@ REQUIRED = {
     "path-loss": {"sensitivity": -30.0},
     "latency": {"delay": 3},
     "bandwidth": {"bytes_per_second": 60.0, "queue": 5, "expiry": 6},
+    "contention": {"bytes_per_second": 300.0},
     "tdma": {"slots": 4, "slot": 1.0, "expiry": 3.0, "bytes": 50.0},
 }
 TABLES = [{"use": name, **REQUIRED.get(name, {})} for name in registry.known("channel")] + [

@@ -1,11 +1,14 @@
-"""How long radios take for a frame, and how long a frame may be: the published formats, without collisions."""
+"""Radios that robots can have: how long a frame takes and may be, and who may send when, as published."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
+
+Access = Literal["aloha", "slotted", "csma"]
+LICENSED: Final = 0.01  # of an hour on the air, between 868.0 and 868.6 MHz (ETSI EN 300 220-2, table B.1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,6 +18,14 @@ class RadioKind:
     mtu: int  # bytes of a codec that fit into one of its frames
     airtime: Callable[[int], float]  # s on the air for so many of them
     source: str
+    access: Access = "aloha"  # how it finds its turn
+    turnaround: float = 0.0  # s from listening to sending
+    duty: float = 1.0  # share of an hour that it may be on the air
+
+    def airtime_of(self, message: int) -> float:
+        """The time in s for a message of so many bytes, in as many frames as it needs."""
+        whole, rest = divmod(message, self.mtu)
+        return whole * self.airtime(self.mtu) + (self.airtime(rest) if rest or not whole else 0.0)
 
 
 def lora(spreading: int, length: int, bandwidth: float = 125e3) -> float:
@@ -67,10 +78,10 @@ def esp_now(length: int) -> float:
 
 #: By name. LoRa's mtu is that of the chip; LoRaWAN allows 222 bytes at SF7 and 51 at SF12.
 RADIOS: Final[Mapping[str, RadioKind]] = {
-    "LoRa SF7": RadioKind(255, lambda length: lora(7, length), "Semtech SX1276"),
-    "LoRa SF12": RadioKind(255, lambda length: lora(12, length), "Semtech SX1276"),
+    "LoRa SF7": RadioKind(255, lambda length: lora(7, length), "Semtech SX1276", duty=LICENSED),
+    "LoRa SF12": RadioKind(255, lambda length: lora(12, length), "Semtech SX1276", duty=LICENSED),
     "BLE": RadioKind(27, advertisement, "Bluetooth Core 5.4"),
     "BLE extended": RadioKind(241, extended_advertisement, "Bluetooth Core 5.4"),
-    "802.15.4": RadioKind(116, ieee_802_15_4, "IEEE 802.15.4-2020"),
-    "ESP-NOW": RadioKind(250, esp_now, "Espressif ESP-NOW"),
+    "802.15.4": RadioKind(116, ieee_802_15_4, "IEEE 802.15.4-2020", "csma", 192e-6),  # 12 symbols (section 11.3)
+    "ESP-NOW": RadioKind(250, esp_now, "Espressif ESP-NOW", "csma", 10e-6),  # aSIFSTime (IEEE 802.11-2020, table 15-8)
 }

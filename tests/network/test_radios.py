@@ -9,8 +9,8 @@ import re
 import pytest
 from conftest import ROOT, called
 
-from swarmsim.fleet import radios
-from swarmsim.fleet.radios import RADIOS
+from swarmsim.network import radios
+from swarmsim.network.radios import RADIOS
 
 
 @pytest.mark.parametrize(
