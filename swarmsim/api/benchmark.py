@@ -6,7 +6,7 @@ import math
 import os
 import random
 import secrets
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,7 +21,7 @@ from swarmsim.studies.benchmark.entries import MethodEntry, read_entry
 from swarmsim.studies.benchmark.imported import ImportedSet, Pictures, imported
 from swarmsim.studies.benchmark.leaderboard import write_board
 from swarmsim.studies.benchmark.referenced import kept_tours, refer, unconfirmed
-from swarmsim.studies.benchmark.scores import Standings, standings
+from swarmsim.studies.benchmark.scores import Standings, joules_of, standings
 from swarmsim.studies.benchmark.sets import open_set, shipped_set
 from swarmsim.studies.engine import execute
 from swarmsim.studies.requests import libraries
@@ -141,17 +141,25 @@ class Board:
     files: tuple[Path, ...]  # the page and its figures
 
 
-def benchmark_board(entries: Sequence[str | Path], *, out: str | Path, tasks: str | Path | None = None) -> Board:
+def benchmark_board(
+    entries: Sequence[str | Path],
+    *,
+    out: str | Path,
+    tasks: str | Path | None = None,
+    energy: Mapping[str, float] | str | None = None,
+) -> Board:
     """Compare entries on a page with profiles, ratios and tests, and draw its figures: `swarmsim benchmark board`.
 
     `entries` are files or folders of one set, `tasks` as in `benchmark_explore`; `out` is the page, a name in .html.
+    `energy`, such as {"metre": 2, "second": 0.5, "kilobyte": 0.01}, says what costs a robot how many joules.
     Raises InputError for a damaged entry, one of another set, and two entries with one name.
     """
     page = Path(out)
     if page.suffix != ".html":
         raise InputError(f"--out {page}: expected a name that ends in .html")
+    joules = None if energy is None else joules_of(energy)
     found = open_set(_folder(tasks))
-    parts, files = write_board(found, [read_entry(Path(path), found) for path in entries], page)
+    parts, files = write_board(found, [read_entry(Path(path), found) for path in entries], page, joules)
     return Board(parts, tuple(files))
 
 

@@ -98,6 +98,9 @@ def board(
     entries: Annotated[list[Path], typer.Argument(metavar="ENTRY...", help="Folders or .json files of entries.")],
     out: Annotated[Path, typer.Option(help="The page to write, which ends in .html; figures go beside it.")],
     tasks: Tasks = None,
+    energy: Annotated[
+        str | None, typer.Option(metavar="metre=A,second=B,kilobyte=C", help="What costs a robot how many joules.")
+    ] = None,
 ) -> None:
     """Compare entries on a page: scores with intervals, profiles, and which entries are shown to differ.
 
@@ -106,7 +109,7 @@ def board(
     from swarmsim.api.benchmark import benchmark_board
     from swarmsim.studies.benchmark.leaderboard import HEAD, PAIRED, held_out_line, lines, pair_lines
 
-    found = benchmark_board(entries, out=out, tasks=tasks)
+    found = benchmark_board(entries, out=out, tasks=tasks, energy=energy)
     for part, standings in found.standings.items():
         print_table(f"{part}: {standings.worlds} worlds, in units of {standings.unit}", HEAD, lines(standings))
     public = found.standings["public"]

@@ -45,6 +45,12 @@ class Prices:
 
 def prices_of(asked: Mapping[str, float] | str, varied: Sequence[object] = ()) -> Prices:
     """Prices by name: `robot`, `minute`, or a value among `varied`. Raises InputError."""
+    given = amounts(asked, ("robot", "minute", *(str(shown(value)) for value in varied)), "--price", EXAMPLE)
+    return Prices(given.pop("robot", 0.0), given.pop("minute", 0.0), given)
+
+
+def amounts(asked: Mapping[str, float] | str, known: Sequence[str], option: str, example: str) -> dict[str, float]:
+    """Numbers of 0 or more by known names, as a mapping or in words; an error has the `option` and the `example`."""
     given: dict[str, float] = {}
     pairs = asked.items() if isinstance(asked, Mapping) else (one.rpartition("=")[::2] for one in asked.split(","))
     for name, value in pairs:
@@ -53,9 +59,8 @@ def prices_of(asked: Mapping[str, float] | str, varied: Sequence[object] = ()) -
         except ValueError:
             amount = -1.0
         if not 0.0 <= amount < 1e15:
-            raise InputError(f"--price {name}={value}: no price of 0 or more; {EXAMPLE}")
+            raise InputError(f"{option} {name}={value}: no {option[2:]} of 0 or more; {example}")
         given[name.strip()] = amount
-    known = ("robot", "minute", *(str(shown(value)) for value in varied))
     if unknown := [name for name in given if name not in known]:
-        raise InputError(f"--price {unknown[0]}: unknown; {EXAMPLE}; known: {', '.join(known)}")
-    return Prices(given.pop("robot", 0.0), given.pop("minute", 0.0), given)
+        raise InputError(f"{option} {unknown[0]}: unknown; {example}; known: {', '.join(known)}")
+    return given

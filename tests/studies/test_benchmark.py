@@ -22,7 +22,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.studies.benchmark import sets
 from swarmsim.studies.benchmark.entries import MethodEntry, checksum, overheard, read_entry, read_method
 from swarmsim.studies.benchmark.leaderboard import write_board
-from swarmsim.studies.benchmark.scores import kept_order, sign_flip, standings
+from swarmsim.studies.benchmark.scores import joules_of, kept_order, sign_flip, standings
 from swarmsim.studies.benchmark.sets import ReferenceRow, TaskSet, open_set
 
 PAGE = (ROOT / "docs" / "benchmark.md").read_text()
@@ -220,7 +220,7 @@ def references(tiny: TaskSet, t99: int) -> TaskSet:
         )
         for task in tiny.tasks
     }  # fmt: skip
-    return TaskSet(tiny.folder, tiny.about, tiny.tasks, tiny.limit, rows, tiny.digest)
+    return replace(tiny, references=rows)
 
 
 def claimed(entry: MethodEntry, name: str, t99: list[int | None], limit: int = 2000) -> MethodEntry:
@@ -260,6 +260,16 @@ def test_scores_are_those_worked_out_by_hand(tiny: TaskSet, entry: MethodEntry) 
     (pair,) = found.pairs
     assert (pair.first, pair.second, pair.different) == ("fast", "never", False)
     assert pair.ratio[0] == pytest.approx(8**0.5 / 4.0)
+
+
+def test_energy_is_that_of_way_time_and_bytes(tiny: TaskSet, entry: MethodEntry) -> None:
+    slow = replace(tiny, period=0.5)  # 2000 iterations of half a second, and a kilobyte a robot
+    (one,) = standings(slow, [claimed(entry, "one", [20] * 6)], joules=joules_of("metre=3,second=2,kilobyte=7")).scores
+    assert one.energy is not None
+    assert one.way[0] > 0.0
+    assert one.energy[0] == pytest.approx(3.0 * one.way[0] + 2.0 * 1000.0 + 7.0)
+    with pytest.raises(InputError, match=r"--energy metres: unknown; expected .*; known: metre, second, kilobyte"):
+        joules_of({"metres": 3.0})
 
 
 def test_a_limit_below_the_cap_counts_alike_for_all(tiny: TaskSet, entry: MethodEntry) -> None:

@@ -13,7 +13,16 @@ from markdown_it import MarkdownIt
 
 from swarmsim.core.scenario.files import write_whole
 from swarmsim.studies.benchmark.entries import MethodEntry
-from swarmsim.studies.benchmark.scores import SHARES, TAUS, EntryScore, Estimate, Standings, kept_order, standings
+from swarmsim.studies.benchmark.scores import (
+    SHARES,
+    TAUS,
+    EntryScore,
+    Estimate,
+    Joules,
+    Standings,
+    kept_order,
+    standings,
+)
 from swarmsim.studies.benchmark.sets import TaskSet
 from swarmsim.studies.report import page
 from swarmsim.view import plots
@@ -21,7 +30,9 @@ from swarmsim.view import plots
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HEAD: Final = ("entry", "T99", "T50", "T90", "T100", "reached 99 %", "finished", "overlap", "m a robot", "kB a robot")
+HEAD: Final = (
+    "entry", "T99", "T50", "T90", "T100", "reached 99 %", "finished", "overlap", "m a robot", "kB a robot", "J a robot",
+)  # fmt: skip
 PAIRED: Final = ("faster", "slower", "ratio of T99", "p after Holm", "different")
 Table = list[tuple[str, ...]]
 
@@ -49,6 +60,7 @@ def _line(one: EntryScore) -> tuple[str, ...]:
         shown(one.overlap),
         shown(one.way, ".1f"),
         shown(one.kilobytes, ".1f"),
+        "-" if one.energy is None else shown(one.energy, ".1f"),
     )
 
 
@@ -111,31 +123,33 @@ def _ratios(one: EntryScore, found: Estimate, robots: int) -> plots.Ratios:
     return plots.Ratios(one.name, *found, TAUS, one.profiles[robots])
 
 
-def write_board(tasks: TaskSet, entries: Sequence[MethodEntry], out: Path) -> tuple[dict[str, Standings], list[Path]]:
+def write_board(
+    tasks: TaskSet, entries: Sequence[MethodEntry], out: Path, joules: Joules | None = None
+) -> tuple[dict[str, Standings], list[Path]]:
     """Write the page `out`, and the figures beside it; gives the standings of each part, and the files."""
     parts = ["public"]
     if all("held-out" in entry.parts for entry in entries):
         parts.append("held-out")
-    found = {part: standings(tasks, entries, part) for part in parts}
+    found = {part: standings(tasks, entries, part, joules) for part in parts}
     files, pictures = [out], dict[str, str]()
     for name, figure in figures(found["public"], tasks.name).items():
         files += plots.save(figure, out.with_name(f"{out.stem}-{name}"))
         pictures[name] = plots.address(figure)
-    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(_text(tasks, entries, found))
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(_text(tasks, entries, found, joules))
     for name, address in pictures.items():
         body = body.replace(f"<p>FIGURE {name}</p>", f'<p><img alt="{name}" src="{address}"></p>')
     write_whole(out, page(tasks.about.title, body))
     return found, files
 
 
-def _text(tasks: TaskSet, entries: Sequence[MethodEntry], found: Mapping[str, Standings]) -> str:
+def _text(tasks: TaskSet, entries: Sequence[MethodEntry], found: Mapping[str, Standings], joules: Joules | None) -> str:
     public, about = found["public"], tasks.about
     title = {name: regime.title for name, regime in about.regimes.items()}
     head, split = split_lines(public, title)
     parts = [
         f"# {_plain(about.title)}",
         f"Set {tasks.name}, digest {tasks.digest}. {len(entries)} entries on {public.worlds} public worlds, "
-        f"{len(tasks.of_part('public'))} tasks. {_unit(public)}",
+        f"{len(tasks.of_part('public'))} tasks. {_unit(public)} {_spent(joules)}",
         _table(HEAD, lines(public)),
         "FIGURE scores",
         "FIGURE profiles",
@@ -164,7 +178,16 @@ def _unit(found: Standings) -> str:
         f"Times are in units of {found.unit}, task by task; the tables have geometric means over worlds with 95 % "
         "intervals of worlds drawn anew. A run that did not reach a share counts as *not finished*: beyond "
         f"{found.cap:g} units all ratios count alike, so its unknown time is not needed. Overlap is how often a cell "
-        "was sensed by another robot too; way and bytes are until the run's end. Energy is not measured."
+        "was sensed by another robot too; way and bytes are until the run's end."
+    )
+
+
+def _spent(joules: Joules | None) -> str:
+    if joules is None:
+        return "Energy was not asked for (--energy)."
+    return (
+        f"A robot spends {joules.metre:g} J a metre, {joules.second:g} J a second until the run's end, and "
+        f"{joules.kilobyte:g} J a kilobyte that it hears; one that dies is taken to go on waiting."
     )
 
 

@@ -25,6 +25,7 @@ from scipy import stats
 from swarmsim.core.errors import InputError
 from swarmsim.studies.benchmark.entries import EntryRun, MethodEntry
 from swarmsim.studies.benchmark.sets import SetTask, TaskSet
+from swarmsim.studies.prices import amounts
 from swarmsim.studies.statistics import holm
 from swarmsim.studies.survival import Interval
 
@@ -37,6 +38,21 @@ TAUS: Final = np.geomspace(0.5, 16.0, 101)  # ratios at which profiles are taken
 Values = NDArray[np.float64]
 K = TypeVar("K", int, str, bool)
 Estimate = tuple[float, Interval]  # with its 95 % interval; NaN for fewer worlds than LEAST
+
+
+@dataclass(frozen=True, slots=True)
+class Joules:
+    """What a robot spends: J for each metre that it drives, second of the run, and kilobyte that it hears."""
+
+    metre: float = 0.0
+    second: float = 0.0
+    kilobyte: float = 0.0
+
+
+def joules_of(asked: Mapping[str, float] | str) -> Joules:
+    """Costs by name. Raises InputError."""
+    names = ("metre", "second", "kilobyte")
+    return Joules(**amounts(asked, names, "--energy", "expected name=number, as in metre=2,second=0.5"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +70,7 @@ class EntryScore:
     overlap: Estimate  # mean of what several robots sensed
     way: Estimate  # m, driven by each robot
     kilobytes: Estimate  # that arrived, for each robot
+    energy: Estimate | None  # J, spent by each robot, if it is said what costs how much
     profiles: Mapping[int, Values]  # (len(TAUS),): share of runs whose T99 is within each ratio, by robots; 0 for all
 
 
@@ -123,7 +140,9 @@ class _Frame:
         return float(np.exp(value)), (float(np.exp(low)), float(np.exp(high)))
 
 
-def standings(tasks: TaskSet, entries: Sequence[MethodEntry], part: str = "public") -> Standings:
+def standings(
+    tasks: TaskSet, entries: Sequence[MethodEntry], part: str = "public", joules: Joules | None = None
+) -> Standings:
     """Score entries on one part of a set, the fastest first. Raises InputError for two entries with one name."""
     names = [entry.method.name for entry in entries]
     if len(set(names)) < len(names):
@@ -131,7 +150,7 @@ def standings(tasks: TaskSet, entries: Sequence[MethodEntry], part: str = "publi
         raise InputError(f"{twice}: two entries have this name; expected a name of its own for each method")
     runs = [_runs(tasks, entry, part) for entry in entries]
     frame, known = _frame(tasks, runs, part)
-    scored = [_score(entry, frame, mine) for entry, mine in zip(entries, runs, strict=True)]
+    scored = [_score(entry, frame, mine, tasks.period, joules) for entry, mine in zip(entries, runs, strict=True)]
     order = sorted(range(len(scored)), key=lambda at: scored[at].times["t99"][0])
     logs = [_logs(frame, mine, "t99") for mine in runs]
     references = [tasks.references[task.name, seed] for task, seed in frame.keys] if known else []
@@ -192,7 +211,7 @@ def _logs(frame: _Frame, runs: Runs, share: str) -> Values:
     return np.asarray(np.log(np.minimum(_ratios(frame, runs, share), frame.cap)))
 
 
-def _score(entry: MethodEntry, frame: _Frame, runs: Runs) -> EntryScore:
+def _score(entry: MethodEntry, frame: _Frame, runs: Runs, period: float, joules: Joules | None) -> EntryScore:
     logs = _logs(frame, runs, "t99")
     reached = _ratios(frame, runs, "t99")
     counts = frame.apart(lambda task: task.robots)
@@ -201,6 +220,10 @@ def _score(entry: MethodEntry, frame: _Frame, runs: Runs) -> EntryScore:
         return {value: frame.ratio(logs, those) for value, those in which.items()}
 
     robots = np.array([task.robots for task, _ in frame.keys])
+    way = np.array([run.way for run in runs]) / robots
+    kilobytes = np.array([run.bytes for run in runs]) / robots / 1000.0
+    seconds = period * np.array([run.iterations for run in runs])
+    spent = None if joules is None else joules.metre * way + joules.second * seconds + joules.kilobyte * kilobytes
     return EntryScore(
         name=entry.method.name,
         oracle=entry.method.oracle,
@@ -211,8 +234,9 @@ def _score(entry: MethodEntry, frame: _Frame, runs: Runs) -> EntryScore:
         of_regime=split(frame.apart(lambda task: task.world.regime)),
         of_struck=split(frame.apart(lambda task: task.world.struck)),
         overlap=frame.mean(np.array([run.overlap or 0.0 for run in runs])),
-        way=frame.mean(np.array([run.way for run in runs]) / robots),
-        kilobytes=frame.mean(np.array([run.bytes for run in runs]) / robots / 1000.0),
+        way=frame.mean(way),
+        kilobytes=frame.mean(kilobytes),
+        energy=None if spent is None else frame.mean(spent),
         profiles={0: _profile(reached), **{count: _profile(reached[which]) for count, which in counts.items()}},
     )
 

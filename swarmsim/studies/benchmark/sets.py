@@ -107,6 +107,7 @@ class TaskSet:
     about: SetFile
     tasks: tuple[SetTask, ...]
     limit: int  # iterations after which a run counts as not finished
+    period: float  # s, one iteration
     references: Mapping[tuple[str, int], ReferenceRow]  # by task and seed
     digest: str  # of everything that its runs depend on
 
@@ -157,8 +158,8 @@ def open_set(folder: Path, secret: Path | None = None) -> TaskSet:
         tasks += _tasks(about, world, where)
     if opened is not None and held.hexdigest() != about.sealed:
         raise InputError(f"{folder / SET}: sealed: the held-out worlds are others than those the set was made with")
-    limit = load(folder / about.scenario).limit
-    whole = TaskSet(folder, about, tuple(tasks), limit, {}, _digest(folder, about))
+    base = load(folder / about.scenario)
+    whole = TaskSet(folder, about, tuple(tasks), base.limit, base.period, {}, _digest(folder, about))
     return replace(whole, references=_references(whole))
 
 
