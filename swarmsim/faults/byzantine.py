@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
-from typing import Annotated, Final, Protocol
+from typing import Annotated, Any, Final, Protocol
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core.bundle import whole
 from swarmsim.core.capabilities import FALSIFIABLE
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.groups import GroupKnowledge
 from swarmsim.core.kinds import Mixed
-from swarmsim.core.messages import Broadcast, C, Inbox, MessageBatch
+from swarmsim.core.messages import Broadcast, C, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, Parts
 from swarmsim.core.state import Knowledge, Senses
 from swarmsim.faults.delegate import ComputationDelegate
@@ -64,7 +65,7 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if self.failure == "spoof":
             return None
         if self.age is not None:
-            return Replayed(self.age)
+            return Replayed(self.age, computation.codec)
         known = FALSIFIABLE.needed(computation, f"failure: {self.failure!r}", " or ".join(map(repr, OF_ANY))).lies
         if self.failure not in known:
             told = nearest(self.failure, {**known, **OF_ANY})
@@ -93,13 +94,14 @@ class Telling(Protocol):
 class Replayed:
     """Repeats an earlier message: its first item for the first of this one, and so on."""
 
-    def __init__(self, age: int) -> None:
+    def __init__(self, age: int, codec: Codec[Any]) -> None:
+        self._codec = codec
         self._past: deque[Broadcast[MessageBatch]] = deque(maxlen=age + 1)
 
     def __call__(self, said: Broadcast[C], rows: NDArray[np.bool_], /) -> Broadcast[C]:
-        """Replace new items by old ones; where the old message had fewer, items say nothing.
+        """Replace new items by old ones, dated now. Where the old message had fewer, the others are left out.
 
-        Items are dated now.
+        A message keeps its first item, which says nothing if the old message had none.
         """
         content = said.content
         self._past.append(replace(said, content=content.take(np.arange(len(content)))))
@@ -117,7 +119,14 @@ class Replayed:
                 if name in content.SILENT:
                     column[rows] = content.SILENT[name]
                 column[there] = past[old[there]]
-        return replace(said, content=replace(content, **columns))
+        kept = ~rows | there | (old == old_starts[owners])
+        ends = np.concatenate([np.zeros(1, np.int64), np.cumsum(kept)])[said.ends]
+        told = replace(said, content=replace(content, **columns).take(kept), ends=ends, sizes=said.sizes.copy())
+        for robot in np.unique(
+            owners[rows & (said.sizes[owners] > 0)]
+        ).tolist():  # the old one may be longer or shorter
+            told.sizes[robot] = len(self._codec.pack(robot, 0, whole(told, robot)))
+        return told
 
 
 class FalseNames:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import moments_of
+from numpy.testing import assert_array_equal
 from scipy import sparse
 
 from swarmsim.core.errors import InputError
@@ -14,6 +15,7 @@ from swarmsim.core.messages import HEADER
 from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 from swarmsim.jobs.facts.tellers import Tellers
+from swarmsim.jobs.pieces import given
 from swarmsim.operations.gathering.gatherer import NUMBER
 from swarmsim.operations.gathering.levels import WholeFloor
 from swarmsim.operations.gathering.ways import AFAR, Ways
@@ -212,3 +214,16 @@ def test_levels_and_costs_are_recorded_under_its_name(path: Path, tmp_path: Path
     recording = Recording(tmp_path / "recording.h5")
     assert recording["gather_level"].shape == (13, 5, 5)
     assert recording["gather_samples"][-1].sum() > 0
+
+
+def test_pictures_get_the_level_of_each_robot_and_the_field_of_who_knows_most(path: Path, tmp_path: Path) -> None:
+    run = built(path, "jobs.0.to=base")
+    with run.recorder(tmp_path / "recording.h5") as recorder:
+        run.simulation.run([recorder])
+    recording = Recording(tmp_path / "recording.h5")
+    level, known, field = (recording[name] for name in ("gather.level", "gather_level", "gather.field"))
+    assert_array_equal(level, known[:, np.arange(5), np.arange(5)])
+    assert level.max() == 3
+    assert np.isnan(field[0]).all()  # nobody knows anything yet
+    assert_array_equal(np.isfinite(field[1]), given(run.context).free)
+    assert np.nanmax(field[1]) > 0.0

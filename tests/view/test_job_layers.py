@@ -20,6 +20,7 @@ from swarmsim.view.canvas import Canvas
 from swarmsim.view.layers import LayerStack
 from swarmsim.view.layers.jobs import FLASH, SCALE
 from swarmsim.view.legend import signs
+from swarmsim.view.page.document import replay_page
 from swarmsim.view.page.tracks import Tracks
 from swarmsim.view.scene import Scene
 from swarmsim.view.style import LAYERS, Style
@@ -132,6 +133,13 @@ def test_a_field_has_the_colours_of_its_scale(recording: Recording) -> None:
     assert right.mean() > 0.6  # outlines, robots and arrows cover the others
 
 
+def test_a_page_tells_the_ends_of_each_scale_in_the_colours_of_the_film(recording: Recording) -> None:
+    page, most = replay_page(recording), np.nanmax(recording["fill.field"])
+    assert f'<p class="scale"><i></i>fill: field computed, 0 to {most:.3g} K</p>' in page
+    assert f"linear-gradient(to right, {', '.join(SCALE)})" in page
+    assert page.count('class="scale"') == 2  # and the numbers of the probe
+
+
 def test_pieces_have_the_colours_of_their_holders_and_flash_when_taken_over(recording: Recording) -> None:
     holder = recording["fill.holder"]
     (piece,) = np.flatnonzero(holder[5] == 2)
@@ -157,6 +165,7 @@ def test_halos_numbers_and_guesses_are_drawn_of_the_living(recording: Recording)
     (arrows,) = drawn(recording, 4, "fill.halos")
     assert isinstance(arrows, Lines)
     assert len(arrows.ends) == np.count_nonzero(halos >= 0) > 0
+    assert arrows.z < min(mark.z for mark in drawn(recording, 4, "holder"))  # numbers stay readable
     (counts,) = drawn(recording, 20, "guess.count")
     assert counts.of.tolist() == [0, 1, 3]
     assert list(counts.ink)[::2] == [SCALE[0], SCALE[-1]]

@@ -15,7 +15,7 @@ from swarmsim.jobs.facts.wire import check_budget
 from swarmsim.jobs.pieces import bisected, given
 from swarmsim.operations.gathering.eyes import Eyes
 from swarmsim.operations.gathering.gatherer import NUMBER, TAIL, Gatherer, GatherPlan
-from swarmsim.operations.gathering.known import FieldLedger
+from swarmsim.operations.gathering.known import FieldLedger, tables_of
 from swarmsim.operations.gathering.levels import WholeFloor
 from swarmsim.operations.models.faces import Faces
 from swarmsim.operations.models.job import problem_of
@@ -69,8 +69,9 @@ class Gather(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         check_budget(self.budget, [max(largest, TAIL.size + max(map(len, every)))], "a sample or an answer")
         eyes, ledger = Eyes(context, number), FieldLedger(scheme, self.name or "gather", context)
         return Tellers(
-            context, lambda robot: Gatherer(scheme, eyes, robot), ledger, look=lambda parts, senses: eyes.look(senses)
-        )
+            context, lambda robot: Gatherer(scheme, eyes, robot), ledger,
+            look=lambda parts, senses: eyes.look(senses), tables=tables_of(context.lattice.shape),
+        )  # fmt: skip
 
     def computers(self, swarm: int) -> tuple[int, ...]:
         """The robots that compute. Raises InputError for robots that there are not."""

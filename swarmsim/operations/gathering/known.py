@@ -1,19 +1,31 @@
-"""What robots know of a gathered field, how old and how wrong it is, and what that took."""
+"""What robots know of a gathered field, how old and how wrong it is, what that took, and what pictures show of it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.jobs import Values
+from swarmsim.core.probes import ProbeTable, Row
 from swarmsim.core.state import Record
 from swarmsim.jobs.facts.tellers import JobStanding
 from swarmsim.jobs.pieces import given
 from swarmsim.operations.gathering.gatherer import Gatherer, GatherPlan
+
+FIELDS: Final = 5  # iterations between two pictures of a field
+
+
+def tables_of(shape: tuple[int, int]) -> tuple[ProbeTable, ...]:
+    """What is shown on a lattice of this shape."""
+    return (
+        ProbeTable("level", "i4", ("robots",), "", "levels known of its own piece", 0.0, drawn="robots"),
+        ProbeTable("field", "f4", shape, meaning="field of who knows most", every=FIELDS, drawn="field"),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +40,8 @@ class KnownFields(JobStanding):
     counts: NDArray[np.float64]  # (n, 6): operations; samples made, taken in; bytes of beacons, samples, answers
     truth: Values  # (c,): the field in this iteration
     age: NDArray[np.float64]  # (n, p): s, of what the robot knows
+    free: NDArray[np.bool_]  # (rows, columns): where the cells of the field are
+    now: int  # iteration
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """WholeFloor, fields and counts."""
@@ -38,6 +52,14 @@ class KnownFields(JobStanding):
         names = ("work", "made", "taken", "beacons", "samples", "answers")
         columns = {f"{self.name}_{name}": self.counts[:, at] for at, name in enumerate(names)}
         return Record({f"{self.name}_level": self.level, **columns})
+
+    def sample(self, alive: NDArray[np.bool_]) -> dict[str, Row]:
+        """The level of each robot's own piece, and the field of the living robot that knows the newest levels."""
+        field = np.full(self.free.shape, np.nan, np.float32)
+        known = np.where(alive, self.level.sum(axis=1), 0)
+        if self.now % FIELDS == 0 and known.any():
+            field[self.free] = self.fields[known.argmax()]
+        return {"level": self.level[np.arange(len(self.own)), self.own], "field": field}
 
     def _done(self, alive: NDArray[np.bool_]) -> NDArray[np.int32]:
         """The level (a,) of each living robot's own piece, or of the oldest if all are to know the field."""
@@ -76,7 +98,8 @@ class FieldLedger:
 
     def __init__(self, scheme: GatherPlan, name: str, context: BuildContext) -> None:
         self._scheme, self._name, self._context = scheme, name, context
-        self._points = context.lattice.centres(np.argwhere(given(context).free))
+        self._free = given(context).free
+        self._points = context.lattice.centres(np.argwhere(self._free))
         self._now, self._truth = -1, np.zeros(len(self._points))
 
     def __call__(self, parts: Sequence[Gatherer], now: int) -> KnownFields:
@@ -90,5 +113,5 @@ class FieldLedger:
             array.setflags(write=False)
         return KnownFields(
             self._scheme, self._name, self._context.ids, level, fields.reshape(len(parts), -1), counts.reshape(-1, 6),
-            self._truth, age,
+            self._truth, age, self._free, now,
         )  # fmt: skip

@@ -18,7 +18,7 @@ from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign, ramp
 from swarmsim.view.style import Style
 
-FIELD, PIECES, HALOS, RINGS, PLACES = 10.5, 36.0, 72.0, 101.5, 88.0  # z
+FIELD, PIECES, HALOS, NUMBERS, PLACES, RINGS = 10.5, 36.0, 72.0, 74.0, 88.0, 101.5  # z
 #: The colours of viridis (van der Walt and Smith 2015), which colour-blind people and printers keep in order.
 SCALE: Final = (
     "#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725",
@@ -53,6 +53,11 @@ class DrawnTable(ABC):
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """The signs of the legend."""
 
+    @property
+    def scale(self) -> str:
+        """What the colours of the scale mean; nothing for shapes that have none."""
+        return ""
+
     def _values(self, shot: Frame, back: int = 0) -> NDArray[np.generic]:
         return shot.recorded(self._of, back)
 
@@ -76,12 +81,22 @@ class DrawnTable(ABC):
             self._row, self._scale = self._scene.iterations, self._limits()
         return self._scale
 
-    def _on_scale(self) -> str:
+
+class ScaledTable(DrawnTable):
+    """A table of numbers in the colours of the scale."""
+
+    @property
+    def scale(self) -> str:
+        """What is drawn, with the ends of the scale and its unit."""
         low, high = self._ends
         return f"{self._said}, {low:.3g} to {high:.3g} {self._table.unit}".rstrip()
 
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
+        """The scale."""
+        return [Sign(self._of, self.scale, ramp(*SCALE))]
 
-class FieldTable(DrawnTable):
+
+class FieldTable(ScaledTable):
     """A field over cells."""
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
@@ -89,10 +104,6 @@ class FieldTable(DrawnTable):
         shares, lattice = self._shares(self._values(shot)), self._scene.lattice
         values = np.nan_to_num(1.0 + np.rint((MOST - 1) * shares), nan=0.0).astype(np.uint8)
         return [Raster(values, (lattice.x0, lattice.y0), lattice.cell, STEPS, name=self._of, z=FIELD)]
-
-    def signs(self, scene: Scene, look: Style) -> list[Sign]:
-        """The scale with its ends and unit."""
-        return [Sign(self._of, self._on_scale(), ramp(*SCALE))]
 
 
 class HolderTable(DrawnTable):
@@ -115,8 +126,8 @@ class HolderTable(DrawnTable):
         taken = self._taken(shot)
         found += self._outlines(taken, ["mark"] * len(taken), 5.0) if taken else []
         words = [str(one) if one >= 0 else "x" if one == GONE else "?" for one in holder.tolist()]
-        found.append(Circles(self._middles, self._disc, "#101420", None, 0.7, name="holder", z=PIECES + 0.2))
-        found.append(Texts(self._middles, words, 16.0, "#ffffff", name="holder", z=PIECES + 0.3))
+        found.append(Circles(self._middles, self._disc, "#101420", None, 0.7, name="holder", z=NUMBERS))
+        found.append(Texts(self._middles, words, 16.0, "#ffffff", name="holder", z=NUMBERS + 0.1))
         robots = np.unique(holder[holder >= 0])
         robots = robots[shot.alive[robots]]
         return [*found, Circles(shot.pose[robots, :2], 1.5, "curve", stroke=0.22, unit="body", of=robots, rides=True,
@@ -166,7 +177,7 @@ class LinkTable(DrawnTable):
         return [Sign(self._of, self._said, [arrows(np.array([(-20.0, 0.0)]), np.array([(20.0, 0.0)]), "")])]
 
 
-class NumberTable(DrawnTable):
+class NumberTable(ScaledTable):
     """A number of each robot, as the colour of a ring around it."""
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
@@ -175,10 +186,6 @@ class NumberTable(DrawnTable):
         robots = np.flatnonzero(shot.alive & np.isfinite(shares))
         inks = [_blend(share) for share in shares[robots].tolist()]
         return [_ring(shot.pose[robots], robots, inks, self._of)]
-
-    def signs(self, scene: Scene, look: Style) -> list[Sign]:
-        """The scale with its ends."""
-        return [Sign(self._of, self._on_scale(), ramp(*SCALE))]
 
 
 class PlaceTable(DrawnTable):

@@ -41,12 +41,16 @@ def replay_page(recording: Recording, beside: Recording | None = None) -> str:
         for k, one in enumerate(packed)
     )
     told = [_below(json.loads(one["words"]), name) for one, name in zip(packed, names, strict=True)]
+    scales = "".join(
+        f'<p class="scale"><i></i>{name}{html.escape(text)}</p>'
+        for one, name in zip(packed, names, strict=True) for text in json.loads(one["words"])["scales"]
+    )  # fmt: skip
     below = "".join(f"<section>{one}</section>" for one in told)
     curve = recording.curve.label.partition(", ")[0]
     body = f"""<header><h1>{title}</h1>
 <button id="theme" type="button" aria-label="Change colours">Dark</button></header>
 <main><div class="stage"><div>
-<div class="views">{views}</div><div class="key" id="key"></div>
+<div class="views">{views}</div><div class="key" id="key"></div>{scales}
 <div class="scrub"><canvas id="curve" aria-hidden="true"></canvas>
 <input id="scrubber" type="range" min="0" max="1" step="1" value="0"
  aria-label="Time, on the curve of {html.escape(curve)}"></div>

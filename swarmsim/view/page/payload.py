@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.scenario.file import table_of
 from swarmsim.recording.reader import Recording, Summary
+from swarmsim.view.layers.jobs import job_layers
 from swarmsim.view.page.tracks import MILLI, Tracks
 from swarmsim.view.panel import clock
 from swarmsim.view.scene import Scene
@@ -30,6 +31,7 @@ def payload(recording: Recording) -> dict[str, str]:
     words = {
         **_words(recording, scene),
         "tracks": tracks.words,
+        "scales": [layer.scale for layer in job_layers(scene) if layer.scale],
         "texts": tracks.texts,
         "inks": {name: [theme.ink(ink) for ink in tracks.inks] for name, theme in THEMES.items()},
         "arrays": [[name, array.dtype.str[1:], list(array.shape)] for name, array in arrays.items()],
