@@ -7,12 +7,15 @@ import os
 import re
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, final
+from typing import Any, Final, Literal, final
+
+import msgspec
 
 from swarmsim.api.overrides import Overrides
 from swarmsim.api.recorded import Run
-from swarmsim.api.runs import new_folder, record, scenario_of
+from swarmsim.api.runs import new_folder, record, scenario_of, summarise
 from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.parts import Observer
@@ -20,7 +23,7 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.files import write_whole
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine.build import build
-from swarmsim.fleet import running
+from swarmsim.fleet import merging, remembered, running
 from swarmsim.fleet.running import Fleet, Up
 from swarmsim.fleet.terms import Links
 
@@ -35,10 +38,11 @@ def assembled(
     faults: Sequence[str] = (),
     pace: Pace = "lockstep",
     links: Links = "simulated",
+    local: bool = True,
 ) -> Fleet:
-    """A scenario's run, whose robots are elsewhere. Raises InputError."""
+    """A scenario's run, whose robots are elsewhere, or on this machine if `local`. Raises InputError."""
     times = None if pace == "lockstep" else float(pace)
-    return running.assembled(scenario_of(scenario, seed, overrides, faults), str(scenario), times, links)
+    return running.assembled(scenario_of(scenario, seed, overrides, faults), str(scenario), times, links, local)
 
 
 def flown(
@@ -47,13 +51,20 @@ def flown(
     transport: str,
     link: Sequence[str] = (),
     observers: Sequence[Observer] = (),
+    at: str | None = None,
 ) -> Run:
-    """Run a fleet to its end into a folder, whose robots log into `logs` there.
+    """Run a fleet to its end into a folder, whose processes log into `logs` there.
+
+    Its robots are started on this machine or, with an address to meet `at`, come there by themselves.
 
     `fleet.json` there names the processes and tells how it goes. Raises InputError for what cannot work and PartError
     for a robot that fails.
     """
-    with running.up(fleet, transport, None, folder / "logs", link) as there:
+    log = folder / "logs"
+    joined = (
+        running.up(fleet, transport, None, log, link) if at is None else running.served(fleet, transport, at, log, link)
+    )
+    with joined as there:
         status = Status(there, transport, folder / "fleet.json")
         try:
             return record(fleet.run, folder, [status, *observers])
@@ -114,6 +125,87 @@ def fleet_up(
         struck = strikes(kill, pause, late)
         fleet = assembled(Path(scenario), seed, overrides, [*struck, *faults], pace, links)
         return flown(fleet, new_folder(Path(out)), transport, link)
+
+
+def world_serve(
+    scenario: str | Path,
+    out: str | Path,
+    *,
+    at: str = "127.0.0.1:7447",
+    pace: Pace = "lockstep",
+    links: Links = "simulated",
+    transport: str = "zenoh",
+    link: Sequence[str] = (),
+    faults: Sequence[str] = (),
+    seed: int | None = None,
+    overrides: Overrides | None = None,
+    allow_code: bool = False,
+) -> Run:
+    """Simulate a world whose robots come to the address `at`, from any machine: `swarmsim world serve`.
+
+    It waits until all have come. The other parameters are those of `fleet_up`; faults act in the simulated world, since
+    the robots' processes are not its own. Raises InputError and PartError as `fleet_up` does.
+    """
+    with registry.own_code(allow_code):
+        fleet = assembled(Path(scenario), seed, overrides, faults, pace, links, local=False)
+        return flown(fleet, new_folder(Path(out)), transport, link, at=at)
+
+
+@dataclass(frozen=True, slots=True)
+class Merged:
+    """A recording made of logs."""
+
+    run: Run
+    lacks: str  # what the logs lack of the whole run, in words; empty for nothing
+    offsets: dict[int, float]  # s, by how much each robot's clock is ahead of the first one's
+
+
+def fleet_merge(
+    logs: str | Path,
+    out: str | Path,
+    *,
+    scenario: str | Path | None = None,
+    seed: int | None = None,
+    overrides: Overrides | None = None,
+    allow_code: bool = False,
+) -> Merged:
+    """Make one recording of a fleet's logs alone, in the new folder `out`: `swarmsim fleet merge`.
+
+    With the world's log it is that of the run itself. With a `scenario`, and its `seed` and `overrides`, the robots'
+    logs are enough: the poses are those that they believed, and the recording tells what is absent. `allow_code` is
+    that of `run`. Raises InputError for what cannot work.
+    """
+    folder = Path(logs)
+    with registry.own_code(allow_code):
+        if scenario is None:
+            if not (folder / running.WORLD_LOG).exists():
+                raise InputError(
+                    f"{folder}: holds no log of a world; expected --scenario, the file that robots were told"
+                )
+            made = merging.replayed(folder)
+        else:
+            made = remembered.remembered(folder, scenario_of(Path(scenario), seed, overrides), str(scenario))
+        target = new_folder(Path(out))
+        with made.fleet.run.recorder(
+            target / "recording.h5", () if scenario is None else remembered.ABSENT
+        ) as recorder:
+            lacks = made.simulate([recorder])
+    return Merged(summarise(target), lacks, remembered.offsets(made.logs))
+
+
+def fleet_status(run: str | Path) -> dict[str, object]:
+    """How a fleet goes: processes, iteration, late ones, and what was dropped, by reason: `swarmsim fleet status`.
+
+    `run` is the folder of its recording. Each process is told to be alive or not. Raises InputError for no fleet.
+    """
+    file = Path(run) / "fleet.json"
+    try:
+        told = msgspec.json.decode(file.read_bytes(), type=dict[str, Any])
+        processes = {"world": told["world"], **{f"robot {robot}": pid for robot, pid in told["robots"].items()}}
+        alive = {name: Path(f"/proc/{int(pid)}").exists() for name, pid in processes.items()}
+    except (OSError, msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError) as problem:
+        raise InputError(f"{file}: cannot be read ({problem}); expected the folder of a run by `fleet up`") from problem
+    return {**told, "alive": alive}
 
 
 def robot_charge(

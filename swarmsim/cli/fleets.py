@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -11,6 +12,9 @@ from swarmsim.cli.interruption import told_if_interrupted
 from swarmsim.cli.options import AllowCode, Faults, Overrides, Quiet, Seed
 from swarmsim.cli.progress import RunBar, compiling, progress_bar
 from swarmsim.cli.runs import FINISHED, NOT_FINISHED, table
+
+if TYPE_CHECKING:
+    from swarmsim.fleet.running import Fleet
 
 fleet = typer.Typer(
     help="Run a swarm as processes: a world, and each robot by itself.\n\n"
@@ -71,20 +75,110 @@ def up(
 
     Example: swarmsim fleet up scenarios/basilica.toml --out runs/fleet --pace lockstep
     """
-    from swarmsim.api.fleets import assembled, flown, pace_of, strikes
+    from swarmsim.api.fleets import assembled, pace_of, strikes
+
+    struck = strikes(kill or (), pause or (), late or ())
+    made = assembled(scenario, seed, set_, [*struck, *(faults or ())], pace_of(pace), links)
+    count = made.run.context.swarm
+    head = f"{scenario}: a world and {count} robots, {count + 1} processes, over {transport}"
+    _fly(made, head, out, scenario.stem, transport, link or (), quiet)
+
+
+def serve(
+    scenario: Scenario,
+    at: Annotated[str, typer.Option(help="Address to listen at, HOST:PORT.")] = "127.0.0.1:7447",
+    out: Annotated[Path | None, typer.Option(help="Folder for the recording; it must not exist yet.")] = None,
+    pace: Pace = "lockstep",
+    links: Links = "simulated",
+    transport: Transport = "zenoh",
+    link: Link = None,
+    faults: Faults = None,
+    seed: Seed = None,
+    set_: Overrides = None,
+    allow_code: AllowCode = False,
+    quiet: Quiet = False,
+) -> None:
+    """Simulate a world whose robots come by themselves, from any machine, each with `swarmsim robot run`.
+
+    It waits until all have come. To listen beyond this machine name an interface. Exit codes are those of `run`.
+
+    Example: swarmsim world serve scenarios/room.toml --at 192.168.1.20:7447 --link interface=eth0
+    """
+    from swarmsim.api.fleets import assembled, pace_of
+
+    made = assembled(scenario, seed, set_, faults or (), pace_of(pace), links, local=False)
+    head = f"{scenario}: waits at {at} for {made.run.context.swarm} robots, over {transport}"
+    _fly(made, head, out, scenario.stem, transport, link or (), quiet, at)
+
+
+def _fly(
+    made: Fleet, head: str, out: Path | None, stem: str, transport: str, link: list[str] | tuple[()], quiet: bool,
+    at: str | None = None,
+) -> None:  # fmt: skip
+    """Run a fleet to its end, and tell of it."""
+    from swarmsim.api.fleets import flown
     from swarmsim.api.runs import new_folder
 
     with progress_bar(quiet) as progress, compiling(progress):
-        struck = strikes(kill or (), pause or (), late or ())
-        made = assembled(scenario, seed, set_, [*struck, *(faults or ())], pace_of(pace), links)
-        folder = new_folder(out, scenario.stem)
-        count = made.run.context.swarm
-        progress.console.print(f"{scenario}: a world and {count} robots, {count + 1} processes, over {transport}")
+        folder = new_folder(out, stem)
+        progress.console.print(head)
         with told_if_interrupted(lambda: f"{made.run.simulation.state.iteration} iterations are kept in {folder}"):
             task = progress.add_task("simulating", total=1.0, text="")
-            done = flown(made, folder, transport, link or (), observers=[RunBar(progress, task, made.run)])
+            done = flown(made, folder, transport, link, observers=[RunBar(progress, task, made.run)], at=at)
     progress.console.print(table(done))
     raise typer.Exit(FINISHED if done.finished else NOT_FINISHED)
+
+
+@fleet.command("merge")
+def merge(
+    logs: Annotated[Path, typer.Argument(help="Folder of logs: RUN/logs of `fleet up`.")],
+    out: Annotated[Path, typer.Option(help="Folder for the recording; it must not exist yet.")],
+    scenario: Annotated[
+        Path | None, typer.Option(help="Use the robots' logs alone, of this scenario; true poses are then absent.")
+    ] = None,
+    seed: Seed = None,
+    set_: Overrides = None,
+    allow_code: AllowCode = False,
+    quiet: Quiet = False,
+) -> None:
+    """Make one recording of the logs of a fleet's processes.
+
+    With the world's log it is that of the run, to the last bit. Exit code 0: the logs hold the whole run; 1: something
+    is missing, which is told; 2: bad input.
+
+    Example: swarmsim fleet merge runs/fleet/logs --out runs/merged
+    """
+    from swarmsim.api.fleets import fleet_merge
+    from swarmsim.cli.console import VisibleConsole
+
+    found = fleet_merge(logs, out, scenario=scenario, seed=seed, overrides=set_, allow_code=allow_code)
+    if not quiet:
+        VisibleConsole().print(table(found.run))
+        clocks = ", ".join(f"robot {robot} {1000.0 * ahead:+.1f}" for robot, ahead in found.offsets.items())
+        print(f"clocks, in ms, ahead of the first: {clocks}")
+    if found.lacks:
+        print(f"missing: {found.lacks}")
+    raise typer.Exit(NOT_FINISHED if found.lacks else FINISHED)
+
+
+@fleet.command("status")
+def status(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run by `fleet up`.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Tell how a fleet goes: its processes, its iteration, late ones, and what was dropped, by reason.
+
+    Example: swarmsim fleet status runs/fleet
+    """
+    from swarmsim.api.fleets import fleet_status
+
+    told = fleet_status(run)
+    if as_json:
+        print(json.dumps(told, indent=2))
+        return
+    for name, value in told.items():
+        words = ", ".join(f"{key} {one}" for key, one in value.items()) if isinstance(value, dict) else value
+        print(f"{name}: {words}")
 
 
 @robot.command("charge")

@@ -68,13 +68,14 @@ class BuiltRun:
         """The cells (rows, columns) that robots can observe at the start. Raises InputError, as buildings do."""
         return self.start.explore()
 
-    def recorder(self, path: Path) -> Recorder:
-        """An observer that records the run in a new file."""
+    def recorder(self, path: Path, absent: Sequence[str] = ()) -> Recorder:
+        """An observer that records the run in a new file, of which some things are `absent`."""
         arena, curve = self.arena, self.simulation.parts.task.curve
         parts = self.simulation.parts
         return Recorder(
             path, self.scenario, self.world, arena.lattice, self.explorable, arena.occupied, curve,
             not parts.localisation.exact, parts.sensor.channels, self.code.hashes, self.probes, parts.actuator.channels,
+            absent,
         )  # fmt: skip
 
     def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:

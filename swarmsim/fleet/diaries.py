@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import final
 
@@ -43,7 +43,7 @@ def lives(path: Path) -> Iterator[Lived]:
         given = (parts.pop(kind, b"") for kind in (wire.SAID, wire.DEED, wire.CHARGE))
         said, deed, charge = given
         ears = parts.pop(wire.EARS, b"")
-        iteration = Telegram.read(sensed.data).iteration
+        iteration = sensed.telegram(path).iteration
         return Lived(iteration, sensed, said, tuple(arrived), deed, charge, recalls, terms.links, ears)
 
     for entry in logbook.entries(path):
@@ -65,6 +65,16 @@ def lives(path: Path) -> Iterator[Lived]:
         yield found
 
 
+@dataclass(frozen=True, slots=True)
+class Relived:
+    """What a robot did in an iteration that it has lived through again."""
+
+    said: bytes  # the telegram
+    deed: bytes = b""  # the telegram; empty if the log has none
+    on_air: dict[tuple[int, int], bytes] = field(default_factory=dict)  # frames taken in, by sender and iteration sent
+    heard: int = 0  # letters taken in, with those that the world had changed
+
+
 @final
 class Again:
     """A robot that lives through a log again."""
@@ -73,7 +83,7 @@ class Again:
         """The log is named in messages."""
         self._path = path
         self._robot: Robot | None = None
-        self._heard: dict[tuple[int, int], Letter] = {}
+        self._heard: dict[tuple[int, int], tuple[Letter, bytes]] = {}
 
     @property
     def robot(self) -> Robot:
@@ -82,7 +92,7 @@ class Again:
             raise InputError(f"{self._path}: begins without a charge; expected the log of a robot")
         return self._robot
 
-    def lived(self, one: Lived) -> tuple[bytes, bytes]:
+    def lived(self, one: Lived) -> Relived:
         """What it says and decides in an iteration, as telegrams; no decision where the log has none.
 
         Raises InputError for a log that cannot be one, FrameError for frames that cannot have been said.
@@ -94,9 +104,9 @@ class Again:
         said = Telegram(wire.SAID, robot.number, one.iteration, pieces=tuple(robot.sense(sensed))).packed()
         for entry in one.arrived:
             letter = robot.read(entry.data)
-            self._heard[letter.sender, letter.sent] = letter
+            self._heard[letter.sender, letter.sent] = letter, entry.data
         if not one.deed:
-            return said, b""
+            return Relived(said)
         taken = [(sender, sent) for sender, sent in Telegram.read(one.deed).arrays[0].tolist()]
         awake, oldest, changed = sensed.alive, one.iteration - LATE, dict[tuple[int, int], Letter]()
         if one.ears:
@@ -105,21 +115,24 @@ class Again:
             changed = {(letter.sender, letter.sent): letter for letter in map(robot.read, filter(None, ears.frames))}
         elif one.links == "simulated":
             awake, oldest = True, one.iteration
-        try:
-            letters = [changed.get(key) or self._heard[key] for key in taken]
-        except KeyError as problem:
-            raise FrameError(f"takes in {problem}, which it has not heard") from problem
+        on_air = {key: self._heard[key] for key in taken if key not in changed and key in self._heard}
+        for sender, sent in taken:
+            if (sender, sent) not in changed and (sender, sent) not in on_air:
+                raise FrameError(f"it heard what has not arrived from robot {sender}, said in iteration {sent}")
         self._heard = {key: letter for key, letter in self._heard.items() if key[1] >= oldest}
-        deed = robot.hear(letters, awake, oldest)
-        return said, wire.deed_telegram(robot.number, deed, context.actuators).packed()
+        deed = robot.hear([changed[key] if key in changed else on_air[key][0] for key in taken], awake, oldest)
+        done = wire.deed_telegram(robot.number, deed, context.actuators).packed()
+        return Relived(said, done, {key: frame for key, (_, frame) in on_air.items()}, len(taken))
 
 
 def recalled(path: Path, charge: Charge) -> Robot | None:
     """The robot as it was when its log ended; None if there is none of this charge. Raises InputError."""
     if not path.exists():
         return None
-    again, lived = Again(path), False
+    again, its = Again(path), False
     for one in lives(path):
+        if one.charge:
+            told = Charge.read(one.charge, str(path))
+            its = (told.robot, told.scenario) == (charge.robot, charge.scenario)
         again.lived(one)
-        lived = lived or one.charge == charge.packed()
-    return again.robot if lived else None
+    return again.robot if its else None

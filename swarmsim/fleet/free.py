@@ -7,13 +7,14 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Final, final
 
-import numpy as np
+import msgspec
 
 from swarmsim.core.messages import FrameError
 from swarmsim.core.readings import Channels
 from swarmsim.core.robot import Deed, Sensed
-from swarmsim.fleet import wire
+from swarmsim.fleet import logbook, wire
 from swarmsim.fleet.lines import RobotLines
+from swarmsim.fleet.logbook import Came, Logbook
 from swarmsim.fleet.terms import LATE
 from swarmsim.fleet.transport import LinkError
 from swarmsim.fleet.watchdog import Watchdog
@@ -33,13 +34,16 @@ class FreeEnd:
         actuators: Channels,
         watchdog: Watchdog,
         lost: Callable[[], str] = lambda: "",
+        log: Logbook | None = None,
     ) -> None:
         """`lost` says who has ended before the start, if anybody."""
+        self._log, self._joined = log, list[int]()
         self._lines, self._actuators, self._dog, self._lost = lines, actuators, watchdog, lost
         self._now, self._due = -1, 0.0  # the iteration, and when it ends
         self._sensed: Sequence[Sensed] = ()
         self._said: dict[int, bytes] = {}  # in this iteration
         self._deeds: list[list[Deed]] = [[] for _ in lines.charges]  # that have come and are not taken yet
+        self._told = [0] * len(lines.charges)  # how many of these are in the log
         self._newest = [-1] * len(lines.charges)  # the iteration of the newest of these and all before
         #: The robots that are ready; what is told to others would be lost.
         self.ready: set[int] = set()
@@ -77,6 +81,7 @@ class FreeEnd:
             self._wait(self._due, lambda: all(self._newest[robot] == now for robot in self.ready))
         else:
             self._wait(begins + _TALK * period, lambda: self.ready <= self._said.keys())
+        self._note()
         return [self._said.get(robot, b"") for robot in range(len(sensed))]
 
     def hear(self, ears: Sequence[Ears]) -> list[Deed]:
@@ -87,21 +92,30 @@ class FreeEnd:
                 self._lines.tell(ears[robot].telegram(robot))
         self._wait(self._due, lambda: False)
         self._end_iteration()
+        self._note()
+        self._told = [0] * len(self._deeds)
         came, self._deeds = self._deeds, [[] for _ in self._deeds]
-        poses = np.array([one.pose for one in self._sensed])
+        poses = [one.pose for one in self._sensed]
         self.missed.update(robot for robot in self.ready if self._newest[robot] < now)
         return self._dog.taken(now, poses, came)
 
     @property
     def heard(self) -> list[tuple[int, int, int]]:
         """Who heard whom, as the deeds tell that have come: receiver, sender, iteration sent; sorted."""
-        found = [
-            (robot, sender, sent)
-            for robot, deeds in enumerate(self._deeds)
-            for deed in deeds
-            for sender, sent in deed.heard.tolist()
+        return heard_by(self._deeds, self._now)
+
+    def _note(self) -> None:
+        """Log what has come, since it was last logged."""
+        if self._log is None:
+            return
+        deeds = [
+            (robot, deed.iteration) for robot, came in enumerate(self._deeds) for deed in came[self._told[robot] :]
         ]
-        return sorted(one for one in set(found) if self._now - LATE <= one[2] <= self._now)
+        self._told = [len(came) for came in self._deeds]
+        entry = Came(self._now, tuple(sorted(self._said)), tuple(self._joined), tuple(deeds))
+        self._log.note(logbook.CAME, msgspec.msgpack.encode(entry))
+        self._log.flush()
+        self._joined.clear()
 
     def _end_iteration(self) -> None:
         """Count the iteration; after a late one time begins to run from now."""
@@ -133,6 +147,7 @@ class FreeEnd:
             elif telegram.kind == wire.READY:
                 self._dog.forget(robot)
                 self.ready.add(robot)
+                self._joined.append(robot)
             elif telegram.kind == wire.SAID and telegram.iteration == self._now:
                 self._said[robot] = next(iter(wire.frames_in(telegram)), b"")
             elif telegram.kind == wire.DEED and self._newest[robot] < telegram.iteration <= self._now:
@@ -143,3 +158,14 @@ class FreeEnd:
                 counts["late frame" if telegram.kind == wire.SAID else "out of turn"] += 1
         except FrameError:
             counts["no telegram"] += 1
+
+
+def heard_by(deeds: Sequence[Sequence[Deed]], now: int) -> list[tuple[int, int, int]]:
+    """Who heard whom, as each robot's deeds tell: receiver, sender, iteration sent; sorted."""
+    found = {
+        (robot, sender, sent)
+        for robot, came in enumerate(deeds)
+        for deed in came
+        for sender, sent in deed.heard.tolist()
+    }
+    return sorted(one for one in found if now - LATE <= one[2] <= now)

@@ -10,16 +10,49 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, final
 
+from msgspec import Struct
+
 from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.messages import FrameError
 from swarmsim.fleet import wire
+from swarmsim.fleet.terms import Terms
+from swarmsim.fleet.wire import Telegram
 
 _MARK: Final = b"swarmsim log 1\n"
 _HEAD: Final = struct.Struct(">BqI")  # kind, when on the process's own clock (ns), bytes of what follows
 _LARGEST: Final = 2**26  # bytes of an entry
 #: Kinds besides those of telegrams: a frame heard on the air; the terms; a mind that goes on with what it knew; of a
-#: world what robots had said and decided by then, and what became of processes.
-HEARD, TERMS, RECALLED, CAME, STRUCK, SCENARIO = range(wire.END + 1, wire.END + 7)
-LAST: Final = SCENARIO
+#: world its scenario, what had come from robots by then, and what was seen of their processes.
+HEARD, TERMS, RECALLED, SCENARIO, CAME, SEEN = range(wire.END + 1, wire.END + 7)
+LAST: Final = SEEN
+
+
+class WorldTold(Struct, frozen=True, forbid_unknown_fields=True):
+    """What a world's log begins with: its scenario."""
+
+    name: str  # of the scenario's file
+    scenario: str  # TOML, complete
+    world: str  # the floor plan's text
+    terms: Terms
+    local: bool  # whether the robots' processes were on the world's machine
+
+
+class Came(Struct, frozen=True, array_like=True):
+    """What had come from robots, since the last such entry, when a world went on."""
+
+    iteration: int
+    said: tuple[int, ...] = ()  # robots whose frames of this iteration had
+    ready: tuple[int, ...] = ()  # robots that had joined
+    deeds: tuple[tuple[int, int], ...] = ()  # robots and iterations, in order
+
+
+class ProcessesSeen(Struct, frozen=True, array_like=True):
+    """What a world saw of its robots' processes."""
+
+    iteration: int
+    gone: tuple[int, ...] = ()
+    paused: tuple[int, ...] = ()
+    ready: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +62,13 @@ class LogEntry:
     kind: int
     when: int  # ns, on the clock of the process that wrote it
     data: bytes
+
+    def telegram(self, path: Path) -> Telegram:
+        """The telegram in it, by the log at `path`. Raises InputError."""
+        try:
+            return Telegram.read(self.data)
+        except FrameError as problem:
+            raise InputError(f"{path}: {problem}; expected a log as it was written") from problem
 
 
 @final

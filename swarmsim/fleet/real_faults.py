@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +17,9 @@ from swarmsim.core.state import State
 from swarmsim.faults.body import Crash, Join, Remove
 from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.mind import MindFault
+from swarmsim.fleet import logbook
 from swarmsim.fleet.free import FreeEnd
+from swarmsim.fleet.logbook import Logbook, ProcessesSeen
 from swarmsim.fleet.processes import Processes
 
 
@@ -25,9 +28,11 @@ class RealFaults:
     """The faults of a run that are carried out on processes, and what becomes of processes otherwise."""
 
     def __init__(self) -> None:
-        """The processes and the world's end come later, before the first iteration."""
+        """The processes, and what looks at them, come later, before the first iteration."""
         self.processes: Processes | None = None
-        self.crew: FreeEnd | None = None
+        self.seen: Callable[[int], ProcessesSeen] | None = None
+        #: Called with robots that have gone.
+        self.forget: Callable[[Sequence[int]], None] = lambda robots: None
         #: The robots that are not to be there at the start.
         self.late: set[int] = set()
         #: The robots that a fault has struck.
@@ -60,15 +65,34 @@ class RealFaults:
         elif self.processes is not None:
             self.processes.pause(robots, False)
 
-    def is_struck(self, robot: int, how: Literal["gone", "paused"]) -> bool:
-        """Whether its process is gone or stopped."""
-        if self.processes is None:
-            return robot in self.late
-        return self.processes.is_gone(robot) if how == "gone" else self.processes.is_paused(robot)
+    def look(self, now: int) -> ProcessesSeen:
+        """What is to be seen of the processes; it is logged."""
+        if self.seen is not None:
+            return self.seen(now)
+        return ProcessesSeen(now, gone=tuple(sorted(self.late)))
 
-    def is_ready(self, robot: int) -> bool:
-        """Whether it has joined."""
-        return self.crew is not None and robot in self.crew.ready
+
+@final
+class ProcessWatch:
+    """Looks at processes on this machine, or at who is there on the link, and logs what it sees."""
+
+    def __init__(self, crew: FreeEnd, processes: Processes | None, log: Logbook | None) -> None:
+        """Without `processes` the transport tells who is there."""
+        self._crew, self._processes, self._log = crew, processes, log
+
+    def __call__(self, now: int) -> ProcessesSeen:
+        """What is to be seen."""
+        lines, processes = self._crew.lines, self._processes
+        robots = range(len(lines.charges))
+        if processes is None:
+            present = lines.present()
+            gone, paused = [one for one in robots if one not in present], list[int]()
+        else:
+            gone, paused = list(filter(processes.is_gone, robots)), list(filter(processes.is_paused, robots))
+        seen = ProcessesSeen(now, tuple(gone), tuple(paused), tuple(sorted(self._crew.ready)))
+        if self._log is not None:
+            self._log.note(logbook.SEEN, msgspec.msgpack.encode(seen))
+        return seen
 
 
 @final
@@ -113,28 +137,28 @@ class _Driver:
         if len(ends):
             real.restore(ends.tolist(), fault.how, fault.recalls)
         self._planned = (self._planned | set(begins.tolist())) - set(ends.tolist())
-        back = self._ended(state)
-        struck = [one for one in sorted(self._planned - self._has) if real.is_struck(one, fault.how)]
+        seen = real.look(now.iteration)
+        back = self._ended(state, seen)
+        there = set(seen.gone if fault.how == "gone" else seen.paused)
+        struck = sorted((self._planned - self._has) & there)
         if struck:
             fault.planned.effect.begin(np.array(struck), state)
-            if real.crew is not None and fault.how == "gone":
-                real.crew.forget(struck)
+            if fault.how == "gone":
+                real.forget(struck)
         self._has |= set(struck)
         real.struck |= set(struck)
         events: list[Event] = [Ends(now.iteration, number, tuple(back))] if back else []
         return [*events, Begins(now.iteration, number, tuple(struck))] if struck else events
 
-    def _ended(self, state: State) -> list[int]:
+    def _ended(self, state: State, seen: ProcessesSeen) -> list[int]:
         """End the fault on the robots that are there again, where possible."""
         fault, real = self._fault, self._fault.real
-        come = sorted(
-            one
-            for one in self._has - self._planned
-            if not real.is_struck(one, fault.how) and (fault.how == "paused" or real.is_ready(one))
-        )
+        gone = fault.how == "gone"
+        absent = {*seen.gone} if gone else {*seen.paused}
+        come = sorted(one for one in self._has - self._planned - absent if not gone or one in seen.ready)
         if not come:
             return []
-        if fault.how == "gone" and not fault.recalls:
+        if gone and not fault.recalls:
             self._parts.computation.reset(np.array(come))
         back: list[int] = fault.planned.effect.end(np.array(come), state).tolist()
         self._has -= set(back)
@@ -146,23 +170,19 @@ class _Driver:
 class Losses:
     """Robots lost through no fault of the scenario's: their bodies stay where they are until they are back."""
 
-    def __init__(self, parts: Parts, real: RealFaults, is_there: Callable[[int], bool]) -> None:
-        """`is_there` tells whether a robot's process is."""
-        self._parts, self._real, self._is_there = parts, real, is_there
+    def __init__(self, parts: Parts, real: RealFaults) -> None:
+        self._parts, self._real = parts, real
         self._lost: set[int] = set()
 
     def advance(self, now: Tick) -> Sequence[Event]:
         """Crash the bodies of robots that are lost, and let those go on that are back, with an empty memory."""
-        bodies, crew = self._parts.bodies, self._real.crew
-        if crew is None:
+        if self._real.seen is None:
             return ()
+        bodies, seen = self._parts.bodies, self._real.look(now.iteration)
         state = bodies.state()
-        lost = [
-            robot
-            for robot in np.flatnonzero(state.alive).tolist()
-            if robot not in self._real.struck and not self._is_there(robot)
-        ]
-        back = [robot for robot in sorted(self._lost) if robot in crew.ready and self._is_there(robot)]
+        alive = set(np.flatnonzero(state.alive).tolist())
+        lost = sorted((alive & set(seen.gone)) - self._real.struck)
+        back = sorted((self._lost & set(seen.ready)) - set(seen.gone))
         events: list[Event] = []
         if back:
             self._parts.computation.reset(np.array(back))
@@ -170,7 +190,7 @@ class Losses:
             events.append(Regained(now.iteration, tuple(back)))
         if lost:
             bodies.crash(np.array(lost))
-            crew.forget(lost)
+            self._real.forget(lost)
             events.append(Lost(now.iteration, tuple(lost)))
         self._lost = (self._lost | set(lost)) - set(back)
         return events

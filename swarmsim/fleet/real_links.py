@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Final, final
+from typing import Final, Protocol, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,19 @@ from swarmsim.core.messages import Delivery
 from swarmsim.core.parts import Links
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.state import State
-from swarmsim.fleet.free import FreeEnd
 from swarmsim.fleet.remote import RemoteMinds
 from swarmsim.fleet.terms import LATE
 
 _WHERE: Final = "with --links real robots hear what arrives; expected --links simulated"
+
+
+class Overheard(Protocol):
+    """The robots of a fleet, as far as they tell whom they have heard."""
+
+    @property
+    def heard(self) -> list[tuple[int, int, int]]:
+        """Receiver, sender and iteration sent, sorted."""
+        ...
 
 
 @final
@@ -28,7 +36,7 @@ class RealLinks:
     def __init__(self, minds: RemoteMinds) -> None:
         """The end of the world's comes later, before the first iteration."""
         self._minds = minds
-        self.crew: FreeEnd | None = None
+        self.crew: Overheard | None = None
         #: Letters heard whose sender has not told the world in time what it said, and which no recording holds.
         self.counts = Counter[str]()
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
+
+import msgspec
 
 from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError, PartError
@@ -16,18 +19,24 @@ from swarmsim.core.robot import warm
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.engine.build import BuiltRun, build
+from swarmsim.fleet import logbook
 from swarmsim.fleet.addresses import LOOPBACK
 from swarmsim.fleet.free import FreeEnd
 from swarmsim.fleet.lines import RobotLines
 from swarmsim.fleet.lockstep import LockstepEnd
+from swarmsim.fleet.logbook import Logbook, ProcessesSeen, WorldTold
+from swarmsim.fleet.logged import LoggedEnd
 from swarmsim.fleet.opening import opened
 from swarmsim.fleet.processes import Processes
-from swarmsim.fleet.real_faults import Losses, RealFaults
+from swarmsim.fleet.real_faults import Losses, ProcessWatch, RealFaults
 from swarmsim.fleet.real_links import RealLinks, nearest_of
 from swarmsim.fleet.remote import RemoteMinds
 from swarmsim.fleet.terms import Links, Terms
 from swarmsim.fleet.transport import WORLD, LinkError, RobotLink
 from swarmsim.fleet.watchdog import Watchdog
+from swarmsim.recording.recorder import text_of
+
+WORLD_LOG: Final = "world.log"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,12 +76,18 @@ class Up:
 
 
 def assembled(
-    scenario: Scenario, name: str, pace: float | None = None, links: Links = "simulated", local: bool = True
+    scenario: Scenario,
+    name: str,
+    pace: float | None = None,
+    links: Links = "simulated",
+    local: bool = True,
+    world: str | None = None,
 ) -> Fleet:
     """A scenario's run with its minds elsewhere; `name` is its file, for messages.
 
     At a `pace`, so many times real time, nobody waits for anybody; without one all wait for all. `local` robots have
-    processes on this machine, which faults can strike. Raises InputError.
+    processes on this machine, which faults can strike. The floor plan is read from the scenario's file unless its text
+    is given as `world`. Raises InputError.
     """
     made: list[RemoteMinds] = []
     real, faults = list[RealLinks](), RealFaults() if pace is not None and local else None
@@ -88,7 +103,7 @@ def assembled(
     if pace is None and links == "real":
         raise InputError("--links real: in lockstep the world says who hears whom; expected a pace, as in --pace 10")
     carried = (lambda part, fault: fault) if faults is None else faults.carried
-    run = build(scenario, name, watch=watch, carried=carried)
+    run = build(scenario, name, world, watch=watch, carried=carried)
     nearest = nearest_of(scenario, made[0]) if real else 0
     period = 0.0 if pace is None else scenario.period / pace
     terms = Terms(period=period, links=links, nearest=nearest)
@@ -115,7 +130,7 @@ def up(
         _check_lengths(fleet, link.mtu, transport)
         late = set() if fleet.faults is None else fleet.faults.late
         processes.start(robot for robot in range(len(charges)) if robot not in late)
-        with met(fleet, link, charges, processes) as there:
+        with met(fleet, link, charges, processes, log) as there:
             yield there
     finally:
         processes.end()
@@ -123,10 +138,37 @@ def up(
 
 
 @contextmanager
-def met(fleet: Fleet, link: RobotLink, charges: list[Charge], processes: Processes) -> Iterator[Up]:
-    """Within this context the robots have joined. Raises InputError, and PartError for a robot that fails."""
-    lines = RobotLines(link, charges, fleet.terms)
-    actuators = fleet.run.context.actuators
+def served(
+    fleet: Fleet, transport: str, address: str, log: Path | None = None, keys: Sequence[str] = ()
+) -> Iterator[Up]:
+    """Within this context the robots have come to an address, each by `swarmsim robot run`, wherever it is.
+
+    Raises InputError for what cannot work and PartError for a robot that fails.
+    """
+    link = opened(transport, address, WORLD, keys)
+    try:
+        _check_lengths(fleet, link.mtu, transport)
+        with met(fleet, link, fleet.charges(), Processes([]), log) as there:
+            yield there
+    finally:
+        link.close()
+
+
+@contextmanager
+def met(
+    fleet: Fleet, link: RobotLink, charges: list[Charge], processes: Processes, log: Path | None = None
+) -> Iterator[Up]:
+    """Within this context the robots have joined; the world logs into the folder `log`.
+
+    Raises InputError, and PartError for a robot that fails.
+    """
+    lines, book = RobotLines(link, charges, fleet.terms), None
+    actuators, run = fleet.run.context.actuators, fleet.run
+    if log is not None:
+        book = Logbook(log / WORLD_LOG)
+        told = WorldTold(run.simulation.name, text_of(run.scenario), run.world, fleet.terms, fleet.faults is not None)
+        book.note(logbook.SCENARIO, msgspec.msgpack.encode(told))
+        book.flush()
     try:
         if fleet.terms.lockstep:
             crew = LockstepEnd(lines, actuators, fleet.minds.frame, processes.lost)
@@ -134,28 +176,35 @@ def met(fleet: Fleet, link: RobotLink, charges: list[Charge], processes: Process
             fleet.minds.crew = crew
             yield Up(lines, processes)
         else:
-            yield _freely(fleet, lines, processes)
+            yield _freely(fleet, lines, processes, book)
         lines.end()
     except (LinkError, FrameError) as problem:
         now = fleet.run.simulation.state.iteration
         raise PartError(f"iteration {now}: {problem}", "robot") from problem
+    finally:
+        if book is not None:
+            book.close()
 
 
-def _freely(fleet: Fleet, lines: RobotLines, processes: Processes) -> Up:
+def _freely(fleet: Fleet, lines: RobotLines, processes: Processes, log: Logbook | None) -> Up:
     """A fleet at a free pace, once all who shall be there at the start are."""
     dog = Watchdog(lines.charges, fleet.minds.combined)
-    crew = FreeEnd(lines, fleet.run.context.actuators, dog, processes.lost)
-    parts, faults = fleet.run.simulation.parts, fleet.faults or RealFaults()
+    crew = FreeEnd(lines, fleet.run.context.actuators, dog, processes.lost, log)
+    local, faults = fleet.faults is not None, fleet.faults or RealFaults()
     crew.gather([robot for robot in range(len(lines.charges)) if robot not in faults.late])
-    fleet.minds.crew = faults.crew = crew
-    local = fleet.faults is not None
-    if local:
-        faults.processes = processes
+    seen = ProcessWatch(crew, processes if local else None, log)
+    started(fleet, crew, faults, seen)
+    faults.processes = processes if local else None
+    return Up(lines, processes, crew)
+
+
+def started(fleet: Fleet, crew: FreeEnd | LoggedEnd, faults: RealFaults, seen: Callable[[int], ProcessesSeen]) -> None:
+    """Let a fleet at a free pace begin with these robots, whose processes are `seen`."""
+    fleet.minds.crew, faults.seen, faults.forget = crew, seen, crew.forget
     if fleet.heard is not None:
         fleet.heard.crew = crew
-    there = (lambda robot: not processes.is_gone(robot)) if local else (lambda robot: robot in lines.present())
-    parts.schedule.enter(Losses(parts, faults, there))
-    return Up(lines, processes, crew)
+    parts = fleet.run.simulation.parts
+    parts.schedule.enter(Losses(parts, faults))
 
 
 def _check_lengths(fleet: Fleet, mtu: int, transport: str) -> None:

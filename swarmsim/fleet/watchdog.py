@@ -39,7 +39,7 @@ class Watchdog:
         """A robot begins anew."""
         self._last[robot] = self._idle[robot]
 
-    def taken(self, now: int, poses: NDArray[np.float64], came: Sequence[Sequence[Deed]]) -> list[Deed]:
+    def taken(self, now: int, poses: Sequence[NDArray[np.float64]], came: Sequence[Sequence[Deed]]) -> list[Deed]:
         """What each robot does in iteration `now` at these estimates of its pose, from the deeds that came in it."""
         return [self._of(robot, now, poses[robot], deeds) for robot, deeds in enumerate(came)]
 

@@ -43,7 +43,7 @@ def in_threads(fleet: Fleet, place: str, logs: Path | None = None) -> Iterator[t
         threads = [threading.Thread(target=one.run) for one in robots]
         for one in threads:
             one.start()
-        with running.met(fleet, world, charges, Processes([])) as there:
+        with running.met(fleet, world, charges, Processes([]), logs) as there:
             yield there, robots
         for one in threads:
             one.join()

@@ -158,6 +158,7 @@ def test_processes_are_killed_and_paused(tmp_path: Path) -> None:
     moved = np.hypot(*np.diff(recording["pose"][:, 1, :2], axis=0).T)
     assert moved[20:29].max() < 0.01  # it stands
     assert moved[:15].max() > 0.05
+    assert sw.open(tmp_path / "run").verify().equal  # by its logs, the world goes the same way again
     told = json.loads((tmp_path / "run" / "fleet.json").read_text())
     assert told["late"] <= told["iterations"] == 40
     assert told["robots"].keys() == {"0", "1", "2"}
