@@ -21,6 +21,7 @@ from swarmsim.fleet.watchdog import Watchdog
 from swarmsim.fleet.wire import Ears, Telegram
 
 _TALK: Final = 0.4  # of a period: until then robots have to say what they say, where the world tells who hears it
+_SLACK: Final = 0.1  # of a period, that an iteration may begin late without being called late
 _LOOK: Final = 0.2  # s between two looks at who is still there
 
 
@@ -47,7 +48,7 @@ class FreeEnd:
         self._newest = [-1] * len(lines.charges)  # the iteration of the newest of these and all before
         #: The robots that are ready; what is told to others would be lost.
         self.ready: set[int] = set()
-        #: Iterations, those that ended late, and by how much in all (s).
+        #: Iterations, those that began late, and by how much in all (s).
         self.iterations, self.late, self.slipped = 0, 0, 0.0
         #: By robot, how often it had not decided when an iteration ended.
         self.missed = Counter[int]()
@@ -73,7 +74,7 @@ class FreeEnd:
         """What each robot says in time, as a frame; empty for nothing."""
         now = self._now = sensed[0].iteration
         self._sensed, self._said = sensed, {}
-        begins, period = max(self._due, time.monotonic() if not self.iterations else 0.0), self._lines.terms.period
+        begins, period = self._begin(), self._lines.terms.period
         self._due = begins + period
         for robot in sorted(self.ready):
             self._lines.tell(wire.sensed_telegram(robot, sensed[robot], self._actuators))
@@ -91,7 +92,6 @@ class FreeEnd:
             for robot in sorted(self.ready):
                 self._lines.tell(ears[robot].telegram(robot))
         self._wait(self._due, lambda: False)
-        self._end_iteration()
         self._note()
         self._told = [0] * len(self._deeds)
         came, self._deeds = self._deeds, [[] for _ in self._deeds]
@@ -117,14 +117,17 @@ class FreeEnd:
         self._log.flush()
         self._joined.clear()
 
-    def _end_iteration(self) -> None:
-        """Count the iteration; after a late one time begins to run from now."""
+    def _begin(self) -> float:
+        """When the iteration begins: as the last one was to end, or now if that is too long ago, which is counted."""
         self.iterations += 1
-        over = time.monotonic() - self._due
-        if over > 0.1 * self._lines.terms.period:
+        now = time.monotonic()
+        over = now - self._due if self.iterations > 1 else 0.0
+        if over > _SLACK * self._lines.terms.period:
             self.late += 1
             self.slipped += over
-            self._due += over
+        elif self.iterations > 1:
+            return self._due
+        return now
 
     def _wait(self, until: float, done: Callable[[], bool]) -> None:
         """Listen until all is done, or time is up; what has come by then counts."""

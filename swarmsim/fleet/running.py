@@ -191,11 +191,20 @@ def _freely(fleet: Fleet, lines: RobotLines, processes: Processes, log: Logbook 
     dog = Watchdog(lines.charges, fleet.minds.combined)
     crew = FreeEnd(lines, fleet.run.context.actuators, dog, processes.lost, log)
     local, faults = fleet.faults is not None, fleet.faults or RealFaults()
+    _dry(fleet.run)
     crew.gather([robot for robot in range(len(lines.charges)) if robot not in faults.late])
     seen = ProcessWatch(crew, processes if local else None, log)
     started(fleet, crew, faults, seen)
     faults.processes = processes if local else None
     return Up(lines, processes, crew)
+
+
+def _dry(run: BuiltRun) -> None:
+    """Go through two iterations of a copy: what has to be compiled or loaded is, before time begins to run."""
+    simulation = build(run.scenario, run.simulation.name, run.world).simulation
+    for _ in range(2):
+        if not simulation.over:
+            simulation.tick()
 
 
 def started(fleet: Fleet, crew: FreeEnd | LoggedEnd, faults: RealFaults, seen: Callable[[int], ProcessesSeen]) -> None:
