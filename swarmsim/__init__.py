@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     )
     from swarmsim.api.doctor import doctor
     from swarmsim.api.expectations import Expectations, open_expectations, test
-    from swarmsim.api.fleets import fleet_up, robot_charge
+    from swarmsim.api.fleets import fleet_merge, fleet_status, fleet_up, robot_charge, world_serve
     from swarmsim.api.imports import world_import
     from swarmsim.api.papers import reproduce
     from swarmsim.api.radios import radio_airtime
@@ -50,9 +50,10 @@ __version__ = "0.1.0"
 __all__ = [
     "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board",
     "benchmark_explore", "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor",
-    "example", "examples", "examples_copy", "fleet_up", "new", "open", "open_expectations", "open_study", "parts",
-    "radio_airtime", "radio_keys", "reproduce", "robot_charge", "run", "schema", "simulate", "size", "study",
-    "study_worst", "test", "world_check", "world_convert", "world_generate", "world_import", "world_preview",
+    "example", "examples", "examples_copy", "fleet_merge", "fleet_status", "fleet_up", "new", "open",
+    "open_expectations", "open_study", "parts", "radio_airtime", "radio_keys", "reproduce", "robot_charge", "run",
+    "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert", "world_generate",
+    "world_import", "world_preview", "world_serve",
 ]  # fmt: skip
 
 _PLACES = {
@@ -72,6 +73,8 @@ _PLACES = {
     "example": "core.scenario.shipped:example",
     "examples": "core.scenario.shipped:examples",
     "examples_copy": "core.scenario.shipped:copy",
+    "fleet_merge": "api.fleets:fleet_merge",
+    "fleet_status": "api.fleets:fleet_status",
     "fleet_up": "api.fleets:fleet_up",
     "new": "api.skeletons:new",
     "open": "api.runs:open",
@@ -94,6 +97,7 @@ _PLACES = {
     "world_generate": "api.worlds:world_generate",
     "world_import": "api.imports:world_import",
     "world_preview": "api.worlds:world_preview",
+    "world_serve": "api.fleets:world_serve",
 }
 
 

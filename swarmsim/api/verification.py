@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 from swarmsim.core.scenario.identity import differences
 from swarmsim.engine.build import build
+from swarmsim.fleet import merging, running
+from swarmsim.fleet.logged import MissingError, WorldLog
 from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.reader import Recording
 
@@ -28,13 +31,24 @@ class Verification:
 
 
 def verified(recording: Recording, name: str, progress: Callable[[int, int], None]) -> Verification:
-    """Repeat a recorded run, up to the first difference; `name` is the run's in messages."""
-    made = build(recording.scenario, name, recording.world)
+    """Repeat a recorded run, up to the first difference; `name` is the run's in messages.
+
+    A fleet's at a free pace is repeated with what its robots have said and decided by their logs, which are checked.
+    """
+    logs, difference = recording.path.parent / "logs", None
+    freely = _freely(logs)
+    if freely is None:
+        made = build(recording.scenario, name, recording.world)
+    else:
+        made, difference = freely.fleet.run, next(iter(merging.checked(logs).problems), None)
     simulation, digests, last = made.simulation, Digests(), recording.iterations
-    difference = None
     progress(0, last)
     while difference is None and simulation.state.iteration < last and not simulation.over:
-        moment = simulation.tick([digests])
+        try:
+            moment = simulation.tick([digests])
+        except MissingError as lacking:
+            difference = str(lacking)
+            break
         difference = recording.difference(moment.state.iteration, digests.rows[-1], made.sampled(moment))
         progress(simulation.state.iteration, last)
     if difference is None and simulation.state.iteration < last:
@@ -47,3 +61,10 @@ def verified(recording: Recording, name: str, progress: Callable[[int, int], Non
         {library: (was, now.get(library)) for library, was in recording.versions.items() if now.get(library) != was},
         differences(recording.code, made.code.hashes) if recording.code else "",
     )
+
+
+def _freely(logs: Path) -> merging.FromLogs | None:
+    """The fleet with these logs, if it ran at a free pace."""
+    if not (logs / running.WORLD_LOG).exists() or WorldLog(logs / running.WORLD_LOG).told.terms.lockstep:
+        return None
+    return merging.replayed(logs)

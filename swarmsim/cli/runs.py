@@ -152,6 +152,8 @@ def table(run: Run) -> Table:
     shown["progress"] = f"{100.0 * summary['progress']:.2f} %"
     shown["events"] = "\n".join(lines[:EVENT_LINES] + ([f"and {hidden} more in summary.json"] if hidden > 0 else []))
     shown["versions"] = ", ".join(f"{name} {version}" for name, version in summary["versions"].items())
+    if "absent" in shown:
+        shown["absent"] = ", ".join(recording.absent)
     for name, value in {**shown, "run": run.path}.items():
         if name not in ("title", "domain cells"):
             found.add_row(name, escape(str(value)))

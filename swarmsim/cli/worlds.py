@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swarmsim.api.bare import CELL
-from swarmsim.cli import imports
+from swarmsim.cli import fleets, imports
 
 if TYPE_CHECKING:
     from swarmsim.engine.inspection import Inspection
@@ -21,6 +21,7 @@ app = typer.Typer(
 )
 
 app.command("import")(imports.import_)
+app.command("serve")(fleets.serve)
 
 UNATTAINABLE = 2  # exit code: 100 % cannot be reached
 SHOWN = 12  # rooms, doors and pockets in a table

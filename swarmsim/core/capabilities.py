@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Generic, Protocol, TypeGuard, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,14 @@ class Charted(Protocol):
 
     def terrain(self, robot: int) -> NDArray[np.uint8]:
         """A robot's value for each cell of the lattice (rows, columns): UNKNOWN, FREE or OCCUPIED."""
+        ...
+
+
+class Placing(Protocol):
+    """A computation whose messages tell where their senders are."""
+
+    def places(self, items: Any, sender: int) -> NDArray[np.float64]:  # noqa: ANN401 - its own messages
+        """Where the sender of a message says that it was (p, 2): x, y in m, the newest last; empty if it does not."""
         ...
 
 
@@ -115,3 +123,6 @@ def lacking(protocol: type, part: object) -> list[str]:
         for verb in verbs_of(protocol)
         if inspect.getattr_static(part, verb, _ABSENT) is _ABSENT and getattr(part, verb, _ABSENT) is _ABSENT
     ]
+
+
+PLACING: Final[Capability[Placing]] = Capability(Placing, "tells in its messages where robots are")

@@ -67,13 +67,25 @@ class PieceLost(Happened, frozen=True, tag="piece-lost"):
     piece: Annotated[int, Meta(ge=0)]
 
 
+class Lost(Happened, frozen=True, tag="lost"):
+    """The processes of robots have ended, or cannot be heard any more, through no fault of the scenario's."""
+
+    robots: tuple[int, ...]
+
+
+class Regained(Happened, frozen=True, tag="regained"):
+    """They are back, with an empty memory."""
+
+    robots: tuple[int, ...]
+
+
 class Ended(Happened, frozen=True, tag="ended"):
     """The run is over; `iteration` is its last one."""
 
     finished: bool  # whether the task was done
 
 
-Event = Begins | Ends | BoxStands | BoxGone | BoxWaits | PieceTaken | PieceLost | Ended
+Event = Begins | Ends | BoxStands | BoxGone | BoxWaits | PieceTaken | PieceLost | Lost | Regained | Ended
 E = TypeVar("E", bound=Happened)
 
 

@@ -14,7 +14,7 @@ from swarmsim.core.kinds import FromKind, KindCodec, Roster, sorted_out, togethe
 from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy
 from swarmsim.core.readings import Channels, Column, Readings
-from swarmsim.core.reports import Report, adopt, report
+from swarmsim.core.reports import Report, adopt, combined, report
 from swarmsim.core.state import Intents, Knowledge, Record, Senses
 
 Held = Column | Mapping[str, Column] | None  # the type of a field of intents
@@ -185,6 +185,13 @@ class GroupComputation:
     def report(self, knowledge: GroupKnowledge) -> Report:
         """What the only robot has learned, by its group's mind."""
         return report(self._groups.bands[0].computation, knowledge.known[0])
+
+    def combined(self, row: int, before: Report, came: Sequence[Report]) -> Report:
+        """By its group's mind."""
+        for band in self._groups.bands:
+            if len(rows := np.flatnonzero(band.rows == row)):
+                return combined(band.computation, int(rows[0]), before, came)
+        raise IndexError(f"no robot in row {row}")
 
     def adopt(self, reports: Sequence[Report], inbox: Inbox[MessageBatch]) -> GroupKnowledge:
         """What all robots know, group by group. Raises FrameError."""

@@ -34,7 +34,22 @@ class Reporting(Protocol):
         ...
 
 
+class Combining(Protocol):
+    """A computation whose reports tell what is new: several have to be combined, and none is not the last one again."""
+
+    def combined(self, row: int, before: Report, came: Sequence[Report]) -> Report:
+        """One report for those of a robot that `came` in an iteration, of which there may be none.
+
+        `before` is what it reported last before these; `row` is the robot's.
+        """
+        ...
+
+
 REPORTING: Final[Capability[Reporting]] = Capability(Reporting, "reports what a robot has learned")
+
+COMBINING: Final[Capability[Combining]] = Capability(
+    Combining, "combines what a robot has learned in several iterations"
+)
 
 
 def check_reports(computation: AnyComputation) -> None:
@@ -79,3 +94,11 @@ def adopt(computation: AnyComputation, reports: Sequence[Report], inbox: Inbox[M
     except (ValueError, IndexError, TypeError) as problem:
         raise FrameError(f"a report of what {computation.knowledge_type.__name__} cannot be: {problem}") from problem
     return found
+
+
+def combined(computation: AnyComputation, row: int, before: Report, came: Sequence[Report]) -> Report:
+    """One report for those of a robot that `came` in an iteration: by default the last one that there is."""
+    own = COMBINING.of(computation)
+    if own is not None:
+        return own.combined(row, before, came)
+    return came[-1] if came else before

@@ -6,6 +6,7 @@ imported, has a world: the same mind runs in a simulated swarm, in a process of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import assembly, reports
+from swarmsim.core.capabilities import PLACING
 from swarmsim.core.charge import Charge
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Codec, FrameError, Inbox, MessageBatch
@@ -55,6 +57,7 @@ class Deed:
     iteration: int
     intents: Intents  # of one row
     report: Report
+    heard: NDArray[np.int32]  # (m, 2): sender and iteration sent of the letters that it took in, sorted
 
 
 class Robot:
@@ -123,14 +126,30 @@ class Robot:
         if not awake:
             nobody = np.zeros(1, np.bool_)
             senses = replace(senses, alive=nobody, readings=senses.readings.blanked(~nobody))
-        inbox = self._inbox(letters, self._said, oldest)
+        found = sorted(letters, key=lambda one: (one.sender, one.sent))
+        inbox = self._inbox([one for one in found if len(one.items)], self._said, oldest)
         knowledge = self._computation.hear(senses, inbox)
         self._decided = self._strategy.step(replace(self._senses, alive=senses.alive), inbox, knowledge)
-        return Deed(senses.iteration, self._decided, reports.report(self._computation, knowledge))
+        heard = np.array([(one.sender, one.sent) for one in found], np.int32).reshape(-1, 2)
+        return Deed(senses.iteration, self._decided, reports.report(self._computation, knowledge), heard)
 
-    def _inbox(self, letters: Sequence[Letter], said: Broadcast[MessageBatch], oldest: int) -> Inbox[MessageBatch]:
+    def nearest(self, letters: Sequence[Letter], most: int) -> list[Letter]:
+        """The letters of the `most` senders who are nearest by what they say. Raises LackingError if they do not.
+
+        Of two that are equally near the lower number counts. Raises RuntimeError before it has sensed.
+        """
+        if self._senses is None:
+            raise RuntimeError("a robot that hears before it has sensed")
+        placing = PLACING.needed(self._computation, "the nearest robots by their messages")
+        here, distances = self._senses.pose[0, :2], dict[int, float]()
+        for one in sorted(letters, key=lambda letter: letter.sent):  # the newest says where a sender is
+            places = placing.places(one.items, one.sender)
+            distances[one.sender] = float(np.hypot(*(places[-1] - here))) if len(places) else math.inf
+        near = sorted(distances, key=lambda sender: (distances[sender], sender))[:most]
+        return [one for one in letters if one.sender in near]
+
+    def _inbox(self, found: Sequence[Letter], said: Broadcast[MessageBatch], oldest: int) -> Inbox[MessageBatch]:
         """The letters, sorted by sender and iteration sent, item by item."""
-        found = sorted((one for one in letters if len(one.items)), key=lambda one: (one.sender, one.sent))
         counts = [len(one.items) for one in found]
         senders, sent = (
             np.repeat(np.array(column, np.int32), counts)
@@ -155,12 +174,23 @@ def _codec(charge: Charge, computation: AnyComputation) -> Codec[MessageBatch]:
 def warm(charge: Charge) -> None:
     """Go through an iteration with a robot that is then forgotten: what has to be compiled or imported is."""
     robot = Robot.of(charge)
-    context = robot.context
-    x, y, cell, rows, columns = charge.lattice
-    pose = np.array([x + cell * (columns // 2), y + cell * (rows // 2), 0.0])
-    blank = tuple(channel.blanks(1)[0] for channel in context.channels)
     for iteration in range(2):
-        frames = robot.sense(Sensed(iteration, True, pose, np.zeros(3), blank))
-        others = [number for number in range(context.swarm) if number != robot.number][:1]
+        frames = robot.sense(_nothing(robot, charge, iteration, True))
+        others = [number for number in range(robot.context.swarm) if number != robot.number][:1]
         items = [robot._codec.unpack(frame)[2] for frame in frames]
         robot.hear([Letter(other, iteration, one) for other in others for one in items])
+
+
+def idle(charge: Charge) -> Deed:
+    """What a robot does and has learned that is dead at the start."""
+    robot = Robot.of(charge)
+    robot.sense(_nothing(robot, charge, 0, False))
+    return robot.hear([], awake=False)
+
+
+def _nothing(robot: Robot, charge: Charge, iteration: int, alive: bool) -> Sensed:
+    """What a robot in the middle of the page senses if it senses nothing."""
+    x, y, cell, rows, columns = charge.lattice
+    pose = np.array([x + cell * (columns // 2), y + cell * (rows // 2), 0.0])
+    blank = tuple(channel.blanks(1)[0] for channel in robot.context.channels)
+    return Sensed(iteration, alive, pose, np.zeros(3), blank)

@@ -19,11 +19,12 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.own import not_ending
-from swarmsim.core.parts import Observer, Parts, Schedule
+from swarmsim.core.parts import Fault, Observer, Parts, Schedule
 from swarmsim.core.probes import Row
 from swarmsim.core.scenario import budget, registry
 from swarmsim.core.scenario.file import HALVES, Network, Scenario, all_parts, minds_of
 from swarmsim.core.scenario.identity import Code, code_of
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.core.streams import Streams
 from swarmsim.engine import fitting, minds
@@ -66,13 +67,14 @@ class BuiltRun:
         """The cells (rows, columns) that robots can observe at the start. Raises InputError, as buildings do."""
         return self.start.explore()
 
-    def recorder(self, path: Path) -> Recorder:
-        """An observer that records the run in a new file."""
+    def recorder(self, path: Path, absent: Sequence[str] = ()) -> Recorder:
+        """An observer that records the run in a new file, of which some things are `absent`."""
         arena, curve = self.arena, self.simulation.parts.task.curve
         parts = self.simulation.parts
         return Recorder(
             path, self.scenario, self.world, arena.lattice, self.explorable, arena.occupied, curve,
             not parts.localisation.exact, parts.sensor.channels, self.code.hashes, self.probes, parts.actuator.channels,
+            absent,
         )  # fmt: skip
 
     def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
@@ -118,30 +120,38 @@ def build(
     world: str | None = None,
     strict: bool = False,
     watch: Callable[[Parts], Parts] | None = None,
+    carried: Callable[[Part[Fault], Fault], Fault] = lambda part, fault: fault,
 ) -> BuiltRun:
     """Make a run from a scenario; `name` is the scenario's file, for messages.
 
     The floor plan is read from the scenario's file unless its text is given as `world`. A `strict` run also checks our
-    own parts against their contracts. `watch` may replace the parts before any fault wraps them.
+    own parts against their contracts. `watch` may replace the parts before any fault wraps them, and `carried` each
+    fault before it is installed.
     Raises InputError for anything that cannot work.
     """
     try:
         with budget.of(scenario.budget), not_ending():
             if world is None:
                 world = read_world(scenario.world, scenario.grid.cell)
-            return _built(scenario, name, world, strict, watch)
+            return _built(scenario, name, world, strict, watch or (lambda parts: parts), carried)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> BuiltRun:
+def _built(
+    scenario: Scenario,
+    name: str,
+    world: str,
+    strict: bool,
+    watch: Callable[[Parts], Parts],
+    carried: Callable[[Part[Fault], Fault], Fault],
+) -> BuiltRun:
     stop, case, clock = scenario.stop, Case.of(world, scenario), Clock()
     ground = opened(case)
     context = _context(scenario, case)
     start = context.building.found
     parts, context = _parts(scenario, context, strict, clock)
-    parts = parts if watch is None else watch(parts)
-    parts = _with_faults(scenario, context, parts, clock)
+    parts = _with_faults(scenario, context, watch(parts), clock, carried)
     if parts.jobs is not None:
         from swarmsim.jobs.takeovers import Takeovers
 
@@ -231,10 +241,16 @@ def _on_air(network: Network, context: BuildContext) -> BuildContext:
     return replace(context, period=context.period / context.rounds, broadcasts=network.charged == "sent")
 
 
-def _with_faults(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clock) -> Parts:
+def _with_faults(
+    scenario: Scenario,
+    context: BuildContext,
+    parts: Parts,
+    clock: Clock,
+    carried: Callable[[Part[Fault], Fault], Fault],
+) -> Parts:
     """The parts with the scenario's faults installed. Raises InputError."""
     for number, one in enumerate(scenario.faults):
-        fault = make(one, replace(context, number=number), f"faults[{number}]")
+        fault = carried(one, make(one, replace(context, number=number), f"faults[{number}]"))
         try:
             parts = with_fault(fault, parts, partial(installed, fault, one.use), clock)
             parts = replace(parts, localisation=tracked(parts.localisation, context))

@@ -189,7 +189,7 @@ class Frozen:
     needs, is_blank = None, False
 
     def __init__(self, context: BuildContext) -> None:
-        self._window = _window(context)
+        self._window = window(context)
         self._kept: dict[int, Decision] = {}
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
@@ -205,7 +205,7 @@ class Frozen:
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision:
         """The rest of the way."""
         kept = self._kept[robot]
-        way = _ahead(kept.way, senses.pose[robot], self._window)
+        way = ahead(kept.way, senses.pose[robot], self._window)
         self._kept[robot] = replace(kept, way=way)
         return self._kept[robot]
 
@@ -218,7 +218,7 @@ class RandomWalk:
     def __init__(self, context: BuildContext, reach: float, purpose: str) -> None:
         """`reach` is the longest way to a place in m; `purpose` names the streams."""
         lattice, robots = context.lattice, context.robots
-        self._lattice, self._window = lattice, _window(context)
+        self._lattice, self._window = lattice, window(context)
         self._reach = max(1, int(min(reach / lattice.cell, lattice.rows * lattice.columns)))  # steps
         self._pace = lattice.cell / (robots.speed * context.period)  # iterations a step
         self._under = search.footprint(robots.radius / lattice.cell)
@@ -237,7 +237,7 @@ class RandomWalk:
         here = self._lattice.cells(pose[:2])
         if robot in self._walks:
             decision, left = self._walks[robot]
-            way = _ahead(decision.way, pose, self._window)
+            way = ahead(decision.way, pose, self._window)
             cells = self._lattice.cells(way)
             rows, columns = cells[:, 0], cells[:, 1]
             free = bool((terrain[rows, columns] == FREE).all())
@@ -291,12 +291,12 @@ class Reboot:
         """None: it stands, as if dead."""
 
 
-def _window(context: BuildContext) -> int:
+def window(context: BuildContext) -> int:
     """How many waypoints, one per cell, a robot can pass within one iteration, with some to spare."""
     return math.ceil(context.robots.speed * context.period / context.lattice.cell) + 3
 
 
-def _ahead(way: NDArray[np.float64], pose: NDArray[np.float64], window: int) -> NDArray[np.float64]:
+def ahead(way: NDArray[np.float64], pose: NDArray[np.float64], window: int) -> NDArray[np.float64]:
     """The rest of a way (w, 2) beyond the nearest of its next waypoints; always includes the last one."""
     if len(way) == 0:
         return way

@@ -13,6 +13,7 @@ from swarmsim.core import groups, reports
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch
 from swarmsim.core.parts import AnyStrategy, Parts
+from swarmsim.core.reports import Report
 from swarmsim.core.robot import Deed, Sensed
 from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.faults.delegate import ComputationDelegate
@@ -93,6 +94,9 @@ class RemoteMinds(ComputationDelegate):
             for row in range(len(senses.alive))
         ]
         self._deeds = self._there().hear(ears)
+        late = np.array([deed.iteration < senses.iteration for deed in self._deeds])
+        if late.any():  # they have heard nothing yet
+            inbox = inbox.take(np.flatnonzero(~late[inbox.receivers]))
         for key in [key for key in self._frames if key[1] < min(inbox.oldest, senses.iteration)]:
             del self._frames[key]
         return reports.adopt(self._inner, [deed.report for deed in self._deeds], inbox)
@@ -109,6 +113,10 @@ class RemoteMinds(ComputationDelegate):
             frame = self._inner.codec.pack(sender, sent, items)
             frames.append(b"" if frame == self._frames.get((sender, sent)) else frame)
         return Ears(senses.iteration, bool(senses.alive[row]), oldest, letters, tuple(frames))
+
+    def combined(self, row: int, before: Report, came: Sequence[Report]) -> Report:
+        """One report for those of a robot that came in an iteration."""
+        return reports.combined(self._inner, row, before, came)
 
     def frame(self, sender: int, sent: int) -> bytes:
         """A frame that may still be under way; empty for one that is not."""

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from swarmsim.core.charge import VERSION
 from swarmsim.core.messages import LATEST, FrameError
 from swarmsim.core.readings import LONGEST, Channels, Column
-from swarmsim.core.reports import Report
 from swarmsim.core.robot import Deed, Sensed
 from swarmsim.core.state import Intents
 
@@ -201,14 +200,17 @@ class Ears:
 def deed_telegram(robot: int, deed: Deed, actuators: Channels) -> Telegram:
     """What a robot decides and has learned."""
     decided = row_of(deed.intents, 0, actuators)
-    return Telegram(DEED, robot, deed.iteration, (*decided, *deed.report))
+    return Telegram(DEED, robot, deed.iteration, (deed.heard, *decided, *deed.report))
 
 
 def deed_of(telegram: Telegram, actuators: Channels) -> Deed:
     """What `deed_telegram` made; the report is checked when it is adopted. Raises FrameError."""
-    count = 4 + len(actuators)
-    report: Report = telegram.arrays[count:]
-    return Deed(telegram.iteration, intents_of(telegram.arrays[:count], actuators), report)
+    count = 5 + len(actuators)
+    if len(telegram.arrays) < count:
+        raise FrameError(f"a deed of {len(telegram.arrays)} arrays; expected {count} or more")
+    heard, report = telegram.arrays[0], telegram.arrays[count:]
+    _check(heard, "i4", (len(heard) if heard.ndim else 0, 2), "letters heard")
+    return Deed(telegram.iteration, intents_of(telegram.arrays[1:count], actuators), report, heard)
 
 
 def frames_in(telegram: Telegram) -> Sequence[bytes]:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final, TypedDict
+from typing import Any, Final, NotRequired, TypedDict
 
 import h5py
 import msgspec
@@ -65,6 +65,7 @@ Summary = TypedDict(
         "seed": int,
         "digest": str,
         "versions": dict[str, str],
+        "absent": NotRequired[list[str]],
     },
 )
 
@@ -139,6 +140,8 @@ class Recording:
         for table in (table for probe in self.probes for table in probe.tables):
             if wrong := wrong_picture(table, self.lattice.shape, robots):
                 raise ValueError(wrong)
+        #: What nobody has recorded, in words, such as true poses, in whose place are the robots' estimates.
+        self.absent = msgspec.json.decode(layout.text(file, "absent", b"[]"), type=list[str])
         #: The channels of the robots' sensors; empty in recordings older than declarations.
         self.channels = declarations.read(layout.text(file, "channels", b"[]").decode(), robots)
         #: The channels of the robots' actuators; empty without any.
@@ -325,7 +328,7 @@ class Recording:
         ends = ["finished" if event.finished else "not finished" for event in events if isinstance(event, Ended)]
         ran = self.iterations > 0
         times = times_of(self[self.curve.name], self.curve) if ran and self.measures else {}
-        return {
+        found: Summary = {
             "title": self.scenario.title,
             "status": ends[-1] if ends else self.pending,
             "iterations": self.iterations,
@@ -343,3 +346,6 @@ class Recording:
             "digest": self.digest(),
             "versions": self.versions,
         }
+        if self.absent:
+            found["absent"] = self.absent
+        return found

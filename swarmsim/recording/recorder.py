@@ -69,12 +69,15 @@ class Recorder:
         code: Mapping[str, str],
         probes: Sequence[Watching] = (),
         actuators: Channels = NOTHING,
+        absent: Sequence[str] = (),
     ) -> None:
         """`world` is the floor plan's text, `curve` the task's, `code` a hash of each piece of code behind
         the run.
 
         `errs` tells whether pose estimates may be wrong and are kept; `channels` are the sensors',
         `actuators` the actuators'.
+
+        `absent` says what nobody has recorded, such as true poses, in whose place the robots' estimates are.
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
@@ -99,6 +102,7 @@ class Recorder:
             "measures": "[]",
             "rows": "[]",
             **({"actuators": declarations.text_of(actuators)} if len(actuators) else {}),
+            **({"absent": json.dumps(list(absent))} if absent else {}),
             **({"probes": msgspec.json.encode([one.declared for one in probes]).decode()} if probes else {}),
         }
         plan = np.frombuffer(world.encode(), np.uint8)

@@ -6,7 +6,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Literal
 
-from swarmsim.core.events import Begins, Box, BoxGone, BoxStands, BoxWaits, Ended, Ends, Event, boxes_at
+from swarmsim.core.events import Begins, Box, BoxGone, BoxStands, BoxWaits, Ended, Ends, Event, Lost, Regained, boxes_at
 from swarmsim.core.parts import Fault
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.part import Part
@@ -54,9 +54,9 @@ def noted(event: Event, scenario: Scenario) -> Note:
         event.iteration,
         worded(event, scenario),
         cause_of(event, scenario),
-        event.robots if isinstance(event, Begins | Ends) else (),
+        event.robots if isinstance(event, Begins | Ends | Lost | Regained) else (),
         isinstance(event, BoxStands | BoxGone | BoxWaits),
-        isinstance(event, Ends | BoxGone | Ended),
+        isinstance(event, Ends | BoxGone | Ended | Regained),
         isinstance(event, Ended),
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from swarmsim.core.events import Begins, BoxStands, BoxWaits, Ended, Ends, Event, PieceLost, PieceTaken
+from swarmsim.core.events import Begins, BoxStands, BoxWaits, Ended, Ends, Event, Lost, PieceLost, PieceTaken, Regained
 from swarmsim.core.parts import Fault
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.part import Part
@@ -34,6 +34,8 @@ def worded(event: Event, scenario: Scenario) -> str:
         return "finished" if event.finished else "not finished"
     if isinstance(event, PieceTaken | PieceLost):
         return f"{event.job}: piece {event.piece} {'lost' if isinstance(event, PieceLost) else 'taken over'}"
+    if isinstance(event, Lost | Regained):
+        return "lost" if isinstance(event, Lost) else "back"
     fault = scenario.faults[event.fault]
     name = _name(fault)
     plain = f"{name} {fault.declares('failure', '')}".rstrip()
@@ -54,6 +56,8 @@ def cause_of(event: Event, scenario: Scenario) -> str:
         return "no living robot has it"
     if isinstance(event, PieceTaken):
         return f"by robot {event.robots[0]} from robot {event.robots[-1]}" if event.robots else "by a robot"
+    if isinstance(event, Lost | Regained):
+        return "its process has ended" if isinstance(event, Lost) else "with an empty memory"
     if isinstance(event, Begins | Ends):
         return described(scenario.faults[event.fault])
     left, low, right, high = event.box

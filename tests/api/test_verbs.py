@@ -63,6 +63,9 @@ FUNCTIONS = {
     "examples run": "example",
     "examples copy": "examples_copy",
     "fleet up": "fleet_up",
+    "fleet merge": "fleet_merge",
+    "fleet status": "fleet_status",
+    "world serve": "world_serve",
     "robot charge": "robot_charge",
 }
 #: Verbs without a function, and why.

@@ -22,8 +22,11 @@ from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError
 from swarmsim.core.readings import NOTHING
 from swarmsim.fleet import running, wire
-from swarmsim.fleet.lockstep import WorldEnd
+from swarmsim.fleet.lines import RobotLines
+from swarmsim.fleet.lockstep import LockstepEnd
+from swarmsim.fleet.opening import opened
 from swarmsim.fleet.robot_process import FROM_ROBOTS, RobotProcess
+from swarmsim.fleet.terms import Terms
 from swarmsim.fleet.transport import WORLD, LinkError
 from swarmsim.fleet.wire import Telegram
 from swarmsim.operations.mapping.sharing.codecs import TileCodec
@@ -54,7 +57,7 @@ def started(folder: Path, *more: str) -> subprocess.Popen[str]:
 def robots_of(folder: Path) -> list[int]:
     """The processes of the robots, once the run has begun."""
     until((folder / "fleet.json").exists, 120.0)
-    return json.loads((folder / "fleet.json").read_text())["processes"]["robots"]
+    return list(json.loads((folder / "fleet.json").read_text())["robots"].values())
 
 
 def gone(process: int) -> bool:
@@ -68,20 +71,20 @@ def test_a_fleet_of_processes_does_what_one_process_does_and_says_frames_alone(t
     place, tapped = free(), list[bytes]()
     fleet = fleet_of(ROOM)
     ended = threading.Event()
-    with running.up(fleet, "udp", place) as crew:
+    with running.up(fleet, "udp", place) as there:
         tap = transport("udp").open(place, 77)
         listening = threading.Thread(target=lambda: _listen(tap, tapped, ended))
         listening.start()
         digests = Digests()
         assert fleet.run.simulation.run([digests])
-        assert len({os.getpid(), *crew.pids.values()}) == ROBOTS + 1
+        assert len({os.getpid(), *there.lines.pids.values()}) == ROBOTS + 1
         time.sleep(0.2)
         ended.set()
         listening.join()
     tap.close()
     once = sw.run(ROOM)
     assert digests.total() == once.summary["digest"] == "fe7a9b11740f15421fe473ce84c0ad30"
-    assert until(lambda: all(map(gone, crew.pids.values()))) < 5.0
+    assert until(lambda: all(map(gone, there.lines.pids.values()))) < 5.0
     codec = TileCodec((6, 7))
     read = {codec.unpack(frame)[:2] for frame in tapped}  # nothing else is on the air
     assert {len(frame) for frame in tapped} == {21}
@@ -146,7 +149,8 @@ def test_what_the_air_loses_is_told_again_so_that_the_run_stays_the_same() -> No
     fleet, place = fleet_of(ROOM, iterations=8), "loses"
     charges = fleet.charges()
     world = transport("memory").open(place, WORLD)
-    crew = WorldEnd(world, charges, NOTHING, fleet.minds.frame)
+    lines = RobotLines(world, charges, Terms())
+    crew = LockstepEnd(lines, NOTHING, fleet.minds.frame)
     robots = [RobotProcess(Deaf(transport("memory").open(place, number)), number) for number in range(ROBOTS)]
     threads = [threading.Thread(target=one.run) for one in robots]
     for one in threads:
@@ -155,7 +159,7 @@ def test_what_the_air_loses_is_told_again_so_that_the_run_stays_the_same() -> No
     fleet.minds.crew = crew
     digests, alone = Digests(), Digests()
     fleet.run.simulation.run([digests])
-    crew.end()
+    lines.end()
     for one in threads:
         one.join()
     world.close()
@@ -164,19 +168,20 @@ def test_what_the_air_loses_is_told_again_so_that_the_run_stays_the_same() -> No
         alone.sample(moment)
     assert digests.total() == alone.total()
     assert sum(one.counts["lost on the air"] for one in robots) > 0
-    assert crew.counts["lost on the air"] > 0
+    assert lines.counts["lost on the air"] > 0
 
 
 def test_strangers_on_the_channel_are_counted_and_a_number_belongs_to_one() -> None:
     fleet, place = fleet_of(ROOM, iterations=2), "strangers"
     world = transport("memory").open(place, WORLD)
-    crew = WorldEnd(world, fleet.charges(), NOTHING, fleet.minds.frame, lambda: "nobody is left")
+    lines = RobotLines(world, fleet.charges(), Terms())
+    crew = LockstepEnd(lines, NOTHING, fleet.minds.frame, lambda: "nobody is left")
     stranger = transport("memory").open(place, 9).channel(FROM_ROBOTS)
     for data in (b"", b"hello", Telegram(wire.DEED, 1).packed(), Telegram(wire.READY, 50).packed()):
         stranger.say(data)
     with pytest.raises(LinkError, match="nobody is left"):
         crew.gather()
-    assert crew.counts == {"no telegram": 3, "out of turn": 1}
+    assert lines.counts == {"no telegram": 3, "out of turn": 1}
     for process in (11, 12):
         stranger.say(Telegram(wire.JOIN, 0, process).packed())
     with pytest.raises(InputError, match="two robots have joined as number 0, processes 11 and 12"):
@@ -192,7 +197,7 @@ def test_messages_longer_than_a_frame_are_refused_before_the_run() -> None:
 
 def test_unknown_transports_and_addresses_are_refused_in_words() -> None:
     with pytest.raises(InputError, match="no transport is called 'pigeons'"):
-        running.opened("pigeons", "127.0.0.1:7447", 0)
+        opened("pigeons", "127.0.0.1:7447", 0)
     with pytest.raises(InputError, match="nobody answers at"):
         RobotProcess(transport("udp", patience=0.2).open(free(), 1), 1)
 

@@ -117,8 +117,8 @@ def test_readings_and_decisions_have_the_form_that_the_charge_says(diary: Diary,
     deed = Telegram.read(diary.deeds[1])
     numbers = np.array([3, 0, 0], np.int32)
     with pytest.raises(FrameError, match="of which 3 points of 0 are used"):
-        wire.deed_of(Telegram(DEED, 0, 1, (*deed.arrays[:2], numbers, *deed.arrays[3:])), actuators)
-    with pytest.raises(FrameError, match="a decision of 2 arrays; expected 4"):
+        wire.deed_of(Telegram(DEED, 0, 1, (*deed.arrays[:3], numbers, *deed.arrays[4:])), actuators)
+    with pytest.raises(FrameError, match="a deed of 2 arrays; expected 5"):
         wire.deed_of(Telegram(DEED, 0, 1, deed.arrays[:2]), actuators)
 
 

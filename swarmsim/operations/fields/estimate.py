@@ -148,6 +148,10 @@ class FieldComputation:
         view.flags.writeable = False
         return Reconstruction(weights, view, self._samples.copy(), self._basis)
 
+    def places(self, items: Sample, sender: int) -> NDArray[np.float64]:
+        """Where a sender was (p, 2), in m."""
+        return np.stack([items.x, items.y], axis=1)
+
     def report(self, knowledge: Reconstruction) -> Report:
         """Its only robot's weights, and how many samples made them."""
         return knowledge.weights, knowledge.samples

@@ -124,7 +124,7 @@ class MapComputation:
         self._forgets = parameters.decay > 0.0
         self._kept, self._least = np.float32(1.0 - parameters.decay), np.float32(0.5 * weakest)
         self._observed, self._log_odds = _read_only(grids.observed), _read_only(grids.log_odds)
-        self._columns = lattice.columns
+        self._columns, self._lattice = lattice.columns, lattice
         self._robots = np.arange(count, dtype=np.int32)  # their rows
         self._shown = memory.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states last reported
         self._rewritten = False  # whether maps have since changed other than by readings
@@ -169,12 +169,19 @@ class MapComputation:
             raise RuntimeError("a report of a robot that has not heard yet")
         return reporting.told(knowledge, *self._how, self._columns)
 
+    def combined(self, row: int, before: Report, came: Sequence[Report]) -> Report:
+        """One report for those of a robot that came in an iteration."""
+        return reporting.combined(before, came)
+
     def adopt(self, reports: Sequence[Report], inbox: Inbox[TileItems]) -> Maps:
         """The maps that reports make; of log-odds they have the signs. Raises FrameError."""
-        shape = self._shown.shape
+        shape, observed = self._shown.shape, self._grids.observed.reshape(self._shown.shape)
         changes = reporting.changes_of(reports, shape[1], self._rewritten)
+        reporting.write(changes, observed, self._grids.log_odds.reshape(shape))
+        if self._rewritten:  # a robot that began anew does not tell what it knew before
+            changes = reporting.with_forgotten(changes, self._shown, observed)
         self._rewritten = False
-        reporting.write(changes, self._grids.observed.reshape(shape), self._grids.log_odds.reshape(shape))
+        self._shown[changes[:, 0], changes[:, 1]] = changes[:, 2]
         reporting.take_frames(reports, self._frames)
         new_cells = np.array([report[reporting.HEAD][1] for report in reports], np.int32)
         self.maps = self._maps(changes, new_cells, reporting.accepted_of(reports, inbox))
@@ -188,6 +195,11 @@ class MapComputation:
             values, tiles.origins, accepted.receivers, heard, accepted.content.origins, fresh, self._spared
         )  # fmt: skip
         return replace(tiles, values=values), replace(accepted, content=replace(accepted.content, values=heard))
+
+    def places(self, items: TileItems, sender: int) -> NDArray[np.float64]:
+        """The middle of the tiles (p, 2) that the sender sensed itself, up to half a cell from where it was."""
+        own = items.take(np.flatnonzero(items.sources == sender))
+        return self._lattice.centres(own.origins) + 0.5 * self._lattice.cell * (np.array(own.values.shape[:0:-1]) - 1)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Empty the maps of robots (r,)."""

@@ -40,6 +40,30 @@ def told(maps: Maps, tiles: Tiles, everywhere: bool, all_taken: bool, columns: i
     return head, changes, *([one[0] for one in frames] or [np.empty(0, np.bool_)] * 5), *accepted
 
 
+def combined(before: Report, came: Sequence[Report]) -> Report:
+    """One report for several of a robot, or for none: of each cell the latest change, and frames as they are now."""
+    if len(came) == 1:
+        return came[0]
+    last = came[-1] if came else before
+    changes = np.concatenate([np.empty((0, 2), np.int32), *(report[CHANGES] for report in came)])
+    cells, newest = np.unique(changes[::-1, 0], return_index=True)
+    changes = np.column_stack([cells, changes[::-1, 1][newest]]).astype(np.int32)
+    new_cells = sum(int(report[HEAD][1]) for report in came)
+    return np.array([-1, new_cells, 1], np.int32), changes, *last[FRAMES:ACCEPTED]
+
+
+def with_forgotten(
+    changes: NDArray[np.int32], shown: NDArray[np.uint8], observed: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """The changes (c, 3), and of the cells `shown` (n, cells) those to UNKNOWN that are observed no more."""
+    there = shown.copy()
+    there[changes[:, 0], changes[:, 1]] = changes[:, 2]
+    robots, cells = np.nonzero((there != UNKNOWN) & ~observed)
+    forgotten = np.column_stack([robots, cells, np.full(len(cells), UNKNOWN)]).astype(np.int32)
+    found = np.concatenate([changes, forgotten])
+    return found[np.lexsort((found[:, 1], found[:, 0]))]
+
+
 def changes_of(reports: Sequence[Report], cells: int, by_cell: bool) -> NDArray[np.int32]:
     """All changes (c, 3), in the order of a computation that serves all: `by_cell` if one robot's are.
 

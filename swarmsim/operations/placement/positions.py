@@ -81,6 +81,10 @@ class PositionComputation:
         place = np.stack([inbox.content.x, inbox.content.y], axis=1)
         return Positions(receivers[newest], senders[newest], place[newest])
 
+    def places(self, items: Position, sender: int) -> NDArray[np.float64]:
+        """Where a sender was (p, 2), in m."""
+        return np.stack([items.x, items.y], axis=1)
+
     def report(self, knowledge: Positions) -> Report:
         """The positions that its only robot knows."""
         return knowledge.senders, knowledge.place

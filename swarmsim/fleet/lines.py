@@ -1,0 +1,80 @@
+"""The world's lines to its robots: it tells each by itself, hears them all on one channel, and lets them join."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import final
+
+from swarmsim.core.charge import Charge
+from swarmsim.core.errors import InputError
+from swarmsim.core.messages import FrameError
+from swarmsim.fleet import wire
+from swarmsim.fleet.robot_process import FROM_ROBOTS, from_world
+from swarmsim.fleet.terms import Terms
+from swarmsim.fleet.transport import LinkError, RobotLink
+from swarmsim.fleet.wire import Telegram
+
+
+@final
+class RobotLines:
+    """Telegrams to and from the robots of a fleet."""
+
+    def __init__(self, link: RobotLink, charges: Sequence[Charge], terms: Terms) -> None:
+        """Each robot that joins is told its charge and the terms."""
+        self.terms, self.charges, self._link = terms, charges, link
+        self._from_robots = link.channel(FROM_ROBOTS)
+        self._to_robots = [link.channel(from_world(robot)) for robot in range(len(charges))]
+        #: The process of each robot, as it told.
+        self.pids: dict[int, int] = {}
+        #: What was dropped, by reason.
+        self.counts = Counter[str]()
+
+    def present(self) -> set[int]:
+        """The robots that are there, as far as the transport knows."""
+        return self._link.present()
+
+    def tell(self, telegram: Telegram) -> None:
+        """Tell the robot that it is for. Raises LinkError if too much waits for it already, except at a free pace."""
+        try:
+            self._to_robots[telegram.robot].say(telegram.packed())
+        except LinkError:
+            if self.terms.lockstep:
+                raise
+            self.counts["unsent"] += 1
+
+    def heard(self, seconds: float) -> list[Telegram]:
+        """What robots have told, after waiting for it at most so long. What is no telegram is counted and dropped."""
+        if not self._from_robots.wait(seconds):
+            return []
+        read = (self._read(data) for data, _ in self._from_robots.heard())
+        return [one for one in read if one is not None]
+
+    def _read(self, data: bytes) -> Telegram | None:
+        try:
+            telegram = Telegram.read(data)
+            if telegram.robot >= len(self.charges):
+                raise FrameError(f"a telegram of robot {telegram.robot}; expected 0 to {len(self.charges) - 1}")
+        except FrameError:
+            self.counts["no telegram"] += 1
+            return None
+        return telegram
+
+    def admit(self, telegram: Telegram) -> None:
+        """Let a robot join: tell it its charge and the terms. Raises InputError for a second robot of one number."""
+        robot = telegram.robot
+        if self.pids.setdefault(robot, telegram.iteration) != telegram.iteration:
+            raise InputError(
+                f"two robots have joined as number {robot}, processes {self.pids[robot]} and {telegram.iteration}; "
+                "expected one of each number"
+            )
+        self.tell(Telegram(wire.CHARGE, robot, pieces=(self.charges[robot].packed(), self.terms.packed())))
+
+    def forget(self, robot: int) -> None:
+        """A robot has gone: another process may join under its number."""
+        self.pids.pop(robot, None)
+
+    def end(self) -> None:
+        """Tell all robots that the run has ended."""
+        for robot in range(len(self.charges)):
+            self.tell(Telegram(wire.END, robot))
