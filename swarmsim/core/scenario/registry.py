@@ -64,7 +64,14 @@ def find(seam: str, use: str) -> type[msgspec.Struct]:
 @lru_cache(maxsize=256)
 def _installed(seam: str, use: str) -> type[msgspec.Struct]:
     if use in entries(seam):
-        return _part(seam, use, entries(seam)[use].load())
+        try:
+            return _part(seam, use, entries(seam)[use].load())
+        except ModuleNotFoundError as problem:
+            name = str(problem.name).partition(".")[0]
+            raise InputError(
+                f"use: the {seam} {use!r} needs the package {name}, which is not installed; expected it, or another "
+                f"{seam}"
+            ) from problem
     raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, entries(seam))}")
 
 
