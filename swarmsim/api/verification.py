@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from swarmsim.core.scenario.identity import differences
-from swarmsim.engine.build import build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.reader import Recording
 
@@ -27,9 +27,11 @@ class Verification:
         return self.difference is None
 
 
-def verified(recording: Recording, name: str, progress: Callable[[int, int], None]) -> Verification:
-    """Repeat a recorded run, up to the first difference; `name` is the run's in messages."""
-    made = build(recording.scenario, name, recording.world)
+def verified(
+    recording: Recording, name: str, progress: Callable[[int, int], None], run: BuiltRun | None = None
+) -> Verification:
+    """Repeat a recorded run, up to the first difference; `name` is the run's in messages, `run` one made for this."""
+    made = run or build(recording.scenario, name, recording.world)
     simulation, digests, last = made.simulation, Digests(), recording.iterations
     difference = None
     progress(0, last)

@@ -6,23 +6,32 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 import swarmsim
 from swarmsim.core.charge import Charge
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, lacks
 from swarmsim.core.robot import warm
 from swarmsim.core.scenario import registry
+from swarmsim.fleet.diary import Diary, replayed
 from swarmsim.fleet.robot_process import BAD_INPUT, run
+
+DIFFERENT: Final = 1  # exit code
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Do what the command line asks for; the exit code."""
     asked = _parser().parse_args(words)
     try:
-        return _run(asked)
+        done: int = asked.do(asked)
     except InputError as problem:
-        sys.stderr.write(f"swarmsim-robot: {problem}\n")
-        return BAD_INPUT
+        found = problem
+    except ModuleNotFoundError as problem:
+        found = lacks("this robot's mind", problem)
+    else:
+        return done
+    sys.stderr.write(f"swarmsim-robot: {found}\n")
+    return BAD_INPUT
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -44,12 +53,29 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     one.add_argument("--transport", default="zenoh", help="what carries frames: zenoh, udp, or an installed part")
     one.add_argument("--allow-code", action="store_true", help="run code that the scenario names")
+    one.set_defaults(do=_run)
+    one = verbs.add_parser(
+        "replay", help="live through a diary, and compare",
+        description="Let a robot sense and hear what it did in a run, and compare what it says and does, to the last "
+        "bit. Exit code 0: equal; 1: different; 2: bad input.",
+        epilog="Example: swarmsim-robot replay 3.diary",
+    )  # fmt: skip
+    one.add_argument("diary", type=Path, help="what `swarmsim robot replay --out` wrote")
+    one.add_argument("--allow-code", action="store_true", help="run code that the scenario names")
+    one.set_defaults(do=_replay)
     return parser
 
 
 def _run(asked: argparse.Namespace) -> int:
     number: int = asked.id if asked.charge is None else _tried(asked.charge, asked.allow_code)
     return run(asked.transport, asked.join, number, asked.allow_code)
+
+
+def _replay(asked: argparse.Namespace) -> int:
+    with registry.own_code(asked.allow_code):
+        found = replayed(Diary.open(asked.diary), str(asked.diary))
+    sys.stdout.write(f"{asked.diary}: {found}\n")
+    return 0 if found.equal else DIFFERENT
 
 
 def _tried(file: Path, allow_code: bool) -> int:

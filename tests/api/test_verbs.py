@@ -64,6 +64,7 @@ FUNCTIONS = {
     "examples copy": "examples_copy",
     "fleet up": "fleet_up",
     "robot charge": "robot_charge",
+    "robot replay": "Run.replay",
 }
 #: Verbs without a function, and why.
 WITHOUT = {

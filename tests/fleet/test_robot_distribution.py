@@ -69,7 +69,7 @@ def test_every_part_loads_or_names_the_package_that_it_lacks(small: Path) -> Non
     lacking = did(small, "-c", LOAD_ALL).splitlines()
     assert not [one for one in lacking if not ("package scipy" in one or "package shapely" in one)]
     assert (
-        "use: the sharing 'merge' needs the package scipy, which is not installed; expected it, or another sharing"
+        "use: the sharing 'merge' needs the package scipy, which is not installed; expected: pip install scipy"
     ) in lacking
     assert not [one for one in lacking if "nearest-frontier" in one or "utility-frontier" in one]
 

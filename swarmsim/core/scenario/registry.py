@@ -13,7 +13,7 @@ import msgspec
 from swarmsim.core.adapters.forms import adapted
 from swarmsim.core.code import distributions, snapshot
 from swarmsim.core.code.snapshot import Snapshot
-from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.errors import InputError, lacks, nearest
 from swarmsim.core.own import is_failure, told
 from swarmsim.core.seams import SEAMS
 
@@ -67,11 +67,7 @@ def _installed(seam: str, use: str) -> type[msgspec.Struct]:
         try:
             return _part(seam, use, entries(seam)[use].load())
         except ModuleNotFoundError as problem:
-            name = str(problem.name).partition(".")[0]
-            raise InputError(
-                f"use: the {seam} {use!r} needs the package {name}, which is not installed; expected it, or another "
-                f"{seam}"
-            ) from problem
+            raise lacks(f"use: the {seam} {use!r}", problem) from problem
     raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, entries(seam))}")
 
 
