@@ -84,8 +84,6 @@ def shortest(wall, start, goal, neighbours=8, footprint=ONE_CELL, observed=None,
     known = maps(wall, observed, barred)
     work = scratch.working_memory(wall.size)
     count = search.a_star(known, 0, NOW, rules(neighbours, footprint), start, goal, work, path)
-        known, 0, NOW, rules(neighbours, footprint), start, goal, scratch.working_memory(wall.size), path
-    )
     return path[:count]
 
 
