@@ -6,7 +6,7 @@ INSTALL := $(BIN)/pip install --quiet --require-hashes
 COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header $(UPGRADE)
 ADDED = $(COMPILE) pyproject.toml --constraint locks/run.txt $$(sed -n 's/^\([a-z0-9-]*\)==[^;]*$$/--no-emit-package \1/p' locks/run.txt)
 
-.PHONY: demo test expectations docs test-browser test-slow bench bench-peers learning merging external soak bounds golden types format lock clean
+.PHONY: demo test robot expectations docs test-browser test-slow bench bench-peers learning merging external soak bounds golden types format lock clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -18,6 +18,11 @@ test: .venv/test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2 --dist worksteal
+
+# The robot's half as a wheel in dist, for computers on robots.
+robot: .venv/package
+	$(BIN)/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist ./robot
+	@ls dist/swarmsim_robot-*.whl
 
 expectations: .venv/package
 	$(BIN)/swarmsim test scenarios

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+ROBOT: Final = "swarmsim-robot"  # the distribution of the robot's half, which is in this one
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -41,8 +43,12 @@ def _python() -> str:
 
 
 def _versions() -> str:
+    from importlib.metadata import distributions
+
     from swarmsim.recording.digests import versions
 
+    if any(one.name == ROBOT for one in distributions()):
+        raise RuntimeError(f"{ROBOT} is installed too, whose files are in the place of this package's")
     return ", ".join(f"{name} {version}" for name, version in versions().items() if name not in ("python", "platform"))
 
 
@@ -114,7 +120,7 @@ CHECKS: Final[dict[str, Callable[[], str]]] = {
 OPTIONAL: Final = ("display",)
 ADVICE: Final = {
     "python": "install Python again",
-    "versions": "install again with: pip install --force-reinstall swarmsim-lab",
+    "versions": f"pip uninstall {ROBOT}, and install again with: pip install --force-reinstall swarmsim-lab",
     "simulation": "install again with: pip install --force-reinstall swarmsim-lab",
     "film": "install an encoder with: pip install --force-reinstall imageio-ffmpeg",
     "letters": "install pygame again with: pip install --force-reinstall pygame-ce",

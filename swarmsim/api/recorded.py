@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from swarmsim.api.verification import Verification
+    from swarmsim.fleet.diary import DiaryReplay
     from swarmsim.network.report import NetworkReport
     from swarmsim.view.style import LookKeys
 
@@ -118,6 +119,22 @@ class Run:
 
         with registry.own_code(allow_code):
             return verified(self.recording, str(self.path), progress)
+
+    def replay(
+        self, *, id_: int = 0, out: str | Path | None = None, allow_code: bool = False, progress: Progress = untold
+    ) -> DiaryReplay:
+        """Let a robot alone sense and hear what it did in the run, and compare what it does: `swarmsim robot replay`.
+
+        For what it sensed and heard, the world is simulated again, with all robots told bytes alone, and compared with
+        the recording in every field. Then a new robot with the number `id` goes through its part. The file `out` keeps
+        that, as a diary for `swarmsim-robot replay` on another computer. `allow_code` lets the run's own code run;
+        `progress` is called with the iterations simulated and all of them.
+        Raises InputError for a run that cannot be repeated, or comes out otherwise, and StorageError for a full disk.
+        """
+        from swarmsim.api.replays import lived_again
+
+        with registry.own_code(allow_code):
+            return lived_again(self.recording, str(self.path), id_, _path(out), progress)
 
     def network(self, *, from_: int = 0, to: int | None = None, plots: str | Path | None = None) -> NetworkReport:
         """Measure links, received and lost messages, and their changes: `swarmsim network`.

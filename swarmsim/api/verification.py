@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from swarmsim.core.scenario.identity import differences
-from swarmsim.engine.build import build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.fleet import merging, running
 from swarmsim.fleet.logged import MissingError, WorldLog
 from swarmsim.recording.digests import Digests, versions
@@ -30,15 +30,17 @@ class Verification:
         return self.difference is None
 
 
-def verified(recording: Recording, name: str, progress: Callable[[int, int], None]) -> Verification:
-    """Repeat a recorded run, up to the first difference; `name` is the run's in messages.
+def verified(
+    recording: Recording, name: str, progress: Callable[[int, int], None], run: BuiltRun | None = None
+) -> Verification:
+    """Repeat a recorded run, up to the first difference; `name` is the run's in messages, `run` one made for this.
 
     A fleet's at a free pace is repeated with what its robots have said and decided by their logs, which are checked.
     """
     logs, difference = recording.path.parent / "logs", None
-    freely = _freely(logs)
+    freely = None if run is not None else _freely(logs)
     if freely is None:
-        made = build(recording.scenario, name, recording.world)
+        made = run or build(recording.scenario, name, recording.world)
     else:
         made, difference = freely.fleet.run, next(iter(merging.checked(logs).problems), None)
     simulation, digests, last = made.simulation, Digests(), recording.iterations

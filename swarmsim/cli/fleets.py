@@ -10,7 +10,7 @@ import typer
 
 from swarmsim.cli.interruption import told_if_interrupted
 from swarmsim.cli.options import AllowCode, Faults, Overrides, Quiet, Seed
-from swarmsim.cli.progress import RunBar, compiling, progress_bar
+from swarmsim.cli.progress import Counted, RunBar, compiling, progress_bar
 from swarmsim.cli.runs import FINISHED, NOT_FINISHED, table
 
 if TYPE_CHECKING:
@@ -233,3 +233,28 @@ def run(
         after_world=after_world,
     )
     raise typer.Exit(robot_run(asked))
+
+
+@robot.command("replay")
+def replay(
+    recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
+    id_: Annotated[int, typer.Option("--id", help="The robot's number, from 0.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="File to keep what it was told in, for another computer.")] = None,
+    allow_code: AllowCode = False,
+    quiet: Quiet = False,
+) -> None:
+    """Try one robot's mind: let it sense and hear what it did in a run, and compare what it says and does.
+
+    With --out, `swarmsim-robot replay FILE` does the same on the computer of a robot, and tells how long that takes.
+    Exit code 0: equal, to the last bit; 1: different; 2: bad input.
+
+    Example: swarmsim robot replay runs/basilica-1 --id 3 --out build/3.diary
+    """
+    from swarmsim.api.runs import open as open_run
+
+    opened = open_run(recording)
+    with progress_bar(quiet) as progress:
+        told = Counted(progress, "simulating")
+        found = opened.replay(id_=id_, out=out, allow_code=allow_code, progress=told)
+    print(f"{recording}: {found}")
+    raise typer.Exit(FINISHED if found.equal else NOT_FINISHED)

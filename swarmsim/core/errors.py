@@ -71,3 +71,9 @@ def nearest(word: str, words: Mapping[str, object]) -> str:
     similar = difflib.get_close_matches(word, words, n=1)
     listed = ", ".join(sorted(words)) or "none"
     return f"did you mean {similar[0]!r}? Known: {listed}" if similar else f"known: {listed}"
+
+
+def lacks(what: str, problem: ModuleNotFoundError) -> InputError:
+    """The error for what needs a package that is not installed."""
+    package = str(problem.name).partition(".")[0]
+    return InputError(f"{what} needs the package {package}, which is not installed; expected: pip install {package}")

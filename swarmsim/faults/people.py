@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Parts
-from swarmsim.kernels import search, walk
+from swarmsim.kernels import scratch, search, walk
 
 _TRIES = 8  # destinations that a person tries before resting
 
@@ -52,7 +52,7 @@ class Walkers:
         self._radius, self._speed = context.robots.radius, context.robots.speed
         count, cells = people.count, context.lattice.rows * context.lattice.columns
         self._streams = [context.streams.open(f"fault {context.number} people", person) for person in range(count)]
-        self._scratch = search.scratch(cells)
+        self._scratch = scratch.working_memory(cells)
         self._path = np.zeros(cells, np.int32)
         self._cells = [np.zeros(0, np.int64)] * count  # of each person's way, row-major ...
         self._ways = np.zeros((count, 1, 2))  # ... and their centres, in m

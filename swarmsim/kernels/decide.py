@@ -14,12 +14,14 @@ from swarmsim.kernels.compiling import compiles, njit
 from swarmsim.kernels.search import (
     DCOLUMNS,
     DROWS,
+    PAUSED,
     a_star,
     fits,
     is_frontier,
     nearest_frontier,
     nearest_stale,
     scramble,
+    traced,
 )  # fmt: skip
 
 
@@ -133,15 +135,23 @@ def _reconsider(now, i, arrived, stuck, draw, maps, plans, patrol, rules):
 
 @njit(cache=True)
 def _explore(now, i, here, maps, plans, patrol, rules, salt, work):
-    """Give robot i a plan for the nearest frontier; gives whether there is one."""
+    """Give robot i a plan for the nearest frontier; gives 1, 0 if there is none, or PAUSED.
+
+    A bounded robot takes the way that this search has found, one of the shortest, and does without a second search.
+    """
     goal, stand = nearest_frontier(maps, i, now, rules, here, salt, work)
+    if stand == PAUSED:
+        return PAUSED
     if stand < 0:
-        return False
+        return 0
     _drop(plans, i)
     patrol.since[i] = 0
-    plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
+    if rules.bounded:
+        plans.steps[i] = traced(stand, work, plans.path[i])
+    else:
+        plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
     plans.goal[i] = goal
-    return True
+    return 1
 
 
 @njit(cache=True)
@@ -185,7 +195,7 @@ def _keep_on(now, i, here, maps, plans, patrol, rules, work):
         return True
     stand = plans.path[i, count - 1] if goal >= 0 and keeps else -1
     _drop(plans, i)
-    if stand >= 0:
+    if stand >= 0 and not rules.bounded:
         plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
         plans.goal[i] = goal if plans.steps[i] > 0 else -1
         plans.planned[i] = plans.steps[i] > 0
@@ -216,7 +226,8 @@ def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts,
        to itself for a random time and chooses again.
     4. If nothing is left to choose, it gives way by a short random walk.
     5. A robot that finds no frontier stands, and looks again when its map grows or its patience ends.
-    6. If robots patrol, it goes instead to the nearest cell at least half as old as the one seen longest ago, until it
+    6. If searches are bounded, a robot stands while one goes on, and then takes the way that it has found.
+    7. If robots patrol, it goes instead to the nearest cell at least half as old as the one seen longest ago, until it
     or any robot it hears has seen it; on the way it looks for frontiers as in 5, and a frontier comes first.
     """
     for i in range(len(alive)):
@@ -229,7 +240,7 @@ def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts,
         patrols = patrol.since[i] > 0
         looks = due or patrols
         if patrols and due:
-            if _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
+            if _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work) == 1:
                 plans.planned[i] = True
                 continue
             plans.idle[i] = now + rules.patience
@@ -237,8 +248,11 @@ def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts,
         if _keep_on(now, i, here, maps, plans, patrol, rules, work):
             continue
         patrol.since[i] = 0
-        if looks and _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
+        found = _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work) if looks else 0
+        if found == 1:
             plans.planned[i] = True
+        elif found == PAUSED:
+            plans.idle[i] = now
         elif due or patrols:
             if _revisit(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
                 plans.idle[i] = now + rules.patience

@@ -15,6 +15,7 @@ DROWS = np.array([0, -1, 1, 0, -1, -1, 1, 1])  # west, south, north, east, then 
 DCOLUMNS = np.array([-1, 0, 0, 1, -1, 1, -1, 1])
 FRONTIER = -1  # a search's goal: any frontier
 NOWHERE = -2  # a search's goal: none, so that all cells in reach are settled
+PAUSED = -3  # what a search gives that goes on in the next iteration
 BESIDE = np.array([[0, 1], [1, 3], [0, 2], [2, 3]])  # ... and between which two of the first four each lies
 
 
@@ -46,28 +47,7 @@ class Rules(NamedTuple):
     keep: bool  # keep a goal while it is a frontier and can be reached
     patience: int  # iterations without progress that make a robot stuck
     window: int  # steps of its path that a robot can pass in one iteration
-
-
-class Scratch(NamedTuple):
-    """Working memory of the searches, valid where `mark` belongs to the present one."""
-
-    straight: NDArray[np.int32]  # (cells,): edge steps from the start
-    diagonal: NDArray[np.int32]  # (cells,): diagonal steps from the start
-    parent: NDArray[np.int32]  # (cells,)
-    mark: NDArray[np.int64]  # (cells,): twice the search's number, plus 1 once settled
-    heap: NDArray[np.int32]  # (8 cells,): a binary heap of cells ...
-    keys: NDArray[np.float64]  # (8 cells,): ... ordered by their cost ...
-    ranks: NDArray[np.uint64]  # (8 cells,): ... and, for equal cost, by their rank
-    number: NDArray[np.int64]  # (1,): of the present search
-
-
-def scratch(cells: int) -> Scratch:
-    """Working memory for a search of a grid."""
-    counts = np.zeros((3, cells), np.int32)
-    return Scratch(
-        counts[0], counts[1], counts[2], np.zeros(cells, np.int64),
-        np.zeros(8 * cells, np.int32), np.zeros(8 * cells), np.zeros(8 * cells, np.uint64), np.ones(1, np.int64),
-    )  # fmt: skip
+    bounded: bool = False  # whether a search may take several iterations, as `Scratch.left` says
 
 
 @njit(cache=True)
@@ -183,23 +163,31 @@ def _remaining(cell, goal, columns, neighbours):
 
 @njit(cache=True)
 def _search(maps, i, now, rules, start, goal, salt, work):
-    """Best-first search over the cells that robot i knows to be free; gives the last cell settled, or -1.
+    """Best-first search over the cells that robot i knows to be free; gives the last cell settled, -1, or PAUSED.
 
     With a goal this is A* (Hart et al. 1968), without one (FRONTIER) Dijkstra's order up to the first cell from
     which a frontier can be explored, or (NOWHERE) through all cells in reach. A diagonal step costs sqrt(2) and needs
     both cells beside it; the cell of the start need not fit itself. Costs are kept as two counts, so that equally long
-    ways compare equal.
+    ways compare equal. Where no more cells are `left` it pauses, and the next search from this start goes on there.
     """
     columns = maps.observed.shape[2]
-    work.number[0] += 1
+    size = work.paused[0] if work.paused[1] == start else np.int64(0)
+    work.paused[0] = 0
+    work.number[0] += size == 0
     seen = 2 * work.number[0]
-    work.straight[start] = 0
-    work.diagonal[start] = 0
-    work.parent[start] = -1
-    work.mark[start] = seen
     free = np.zeros(8, np.bool_)
-    size = _push(work, np.int64(0), start, _remaining(start, goal, columns, rules.neighbours), np.uint64(0))
+    if size == 0:
+        work.straight[start] = 0
+        work.diagonal[start] = 0
+        work.parent[start] = -1
+        work.mark[start] = seen
+        size = _push(work, np.int64(0), start, _remaining(start, goal, columns, rules.neighbours), np.uint64(0))
     while size > 0:
+        if work.left[0] <= 0:
+            work.paused[0] = size
+            work.paused[1] = start
+            return PAUSED
+        work.left[0] -= 1
         here = work.heap[0]
         size = _pop(work, size)
         if work.mark[here] > seen:
@@ -236,12 +224,12 @@ def nearest_frontier(maps, i, now, rules, start, salt, work):
     """The nearest frontier cell that robot i can reach from the cell `start`, and where to explore it from.
 
     Distance is the length of the way through cells known free. Ties go to the first in row-major order or, with a
-    `salt` other than 0, in an order drawn by it. Gives (-1, -1) if there is none.
+    `salt` other than 0, in an order drawn by it. Gives (-1, -1) if there is none, and PAUSED twice as `_search`.
     """
     columns = maps.observed.shape[2]
     stand = _search(maps, i, now, rules, start, np.int64(FRONTIER), salt, work)
     if stand < 0:
-        return -1, -1
+        return stand, stand
     return _to_explore(maps, i, now, rules, stand // columns, stand % columns), stand
 
 
@@ -276,10 +264,14 @@ def nearest_stale(maps, patrol, i, now, rules, start, salt, work):
 @njit(cache=True)
 def a_star(maps, i, now, rules, start, goal, work, path):
     """Write the shortest way from `start` to `goal` into `path`, both included; gives its cells, 0 for none."""
-    cell = _search(maps, i, now, rules, start, goal, np.uint64(0), work)
-    if cell < 0:
-        return 0
+    return traced(_search(maps, i, now, rules, start, goal, np.uint64(0), work), work, path)
+
+
+@njit(cache=True)
+def traced(goal, work, path):
+    """Write the way to a cell that the last search has settled into `path`; gives its cells, 0 for no cell."""
     count = 0
+    cell = goal
     while cell >= 0:
         count += 1
         cell = work.parent[cell]

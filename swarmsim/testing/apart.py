@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from swarmsim.core.charge import Charge
@@ -11,23 +10,12 @@ from swarmsim.core.robot import Deed, Robot, Sensed
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
 from swarmsim.fleet import running, wire
+from swarmsim.fleet.diary import Diary
 from swarmsim.fleet.running import Fleet
 from swarmsim.fleet.wire import Ears, Telegram
 from swarmsim.recording.digests import ACTUATED, DIGESTED, Digests
 from swarmsim.testing.broken import BrokenError
 from swarmsim.testing.runs import ITERATIONS, limited, opened
-
-
-@dataclass
-class Diary:
-    """What one robot was told, and what it said and did, iteration by iteration: all as bytes."""
-
-    charge: bytes
-    sensed: list[bytes] = field(default_factory=list)
-    said: list[list[bytes]] = field(default_factory=list)
-    ears: list[bytes] = field(default_factory=list)
-    heard: list[list[bytes]] = field(default_factory=list)
-    deeds: list[bytes] = field(default_factory=list)
 
 
 class BytesCrew:

@@ -67,6 +67,7 @@ FUNCTIONS = {
     "fleet status": "fleet_status",
     "world serve": "world_serve",
     "robot charge": "robot_charge",
+    "robot replay": "Run.replay",
 }
 #: Verbs without a function, and why.
 WITHOUT = {

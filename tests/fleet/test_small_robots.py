@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -17,27 +16,18 @@ HEAVY = ["h5py", "matplotlib", "pandas", "pygame", "pymunk", "scipy", "shapely"]
 ROOMS = ["swarmsim.api", "swarmsim.cli", "swarmsim.engine", "swarmsim.faults", "swarmsim.network", "swarmsim.recording",
          "swarmsim.robots", "swarmsim.world"]  # fmt: skip
 REPLAY = """
-import pickle, resource, sys, time, warnings
+import sys, warnings
 
 warnings.simplefilter("error")
 path, without = sys.argv[1], sys.argv[2:]
 sys.modules.update(dict.fromkeys(without))
 import swarmsim.fleet.robot_process
-from swarmsim.core.charge import Charge
-from swarmsim.core.robot import Robot, warm
-from swarmsim.fleet import wire
-from swarmsim.fleet.wire import Ears, Telegram
+from pathlib import Path
 
-with open(path, "rb") as file:
-    diary = pickle.load(file)
-warm(Charge.read(diary["charge"], "charge"))
-robot = Robot.of(Charge.read(diary["charge"], "charge"))
-channels, actuators = robot.context.channels, robot.context.actuators
-for sensed, said, ears, heard, deed in zip(*(diary[key] for key in ("sensed", "said", "ears", "heard", "deeds"))):
-    assert robot.sense(wire.sensed_of(Telegram.read(sensed), channels, actuators)) == said
-    told = Ears.of(Telegram.read(ears))
-    done = robot.hear([robot.read(frame) for frame in heard], told.awake, told.oldest)
-    assert wire.deed_telegram(robot.number, done, actuators).packed() == deed
+from swarmsim.fleet.diary import Diary, replayed
+
+found = replayed(Diary.open(Path(path)), path)
+assert found.equal and found.iterations == 30, found
 print(*[name for name in sys.modules if sys.modules[name] is not None], sep="\\n")
 """
 
@@ -47,7 +37,7 @@ def replayed(tmp_path: Path, scenario: str, overrides: tuple[str, ...], number: 
     fleet = fleet_of(ROOT / "scenarios" / f"{scenario}.toml", *overrides, iterations=30)
     crew = BytesCrew(fleet)
     fleet.run.simulation.run()
-    (tmp_path / "diary").write_bytes(pickle.dumps(vars(crew.diaries[number])))
+    crew.diaries[number].write(tmp_path / "diary")
     done = subprocess.run(
         [sys.executable, "-c", REPLAY, tmp_path / "diary", *without], capture_output=True, text=True, check=False
     )

@@ -397,7 +397,10 @@ class _Draw:
             "pymunk": {"substep": lambda: self._maybe(dice.choice((1 / 128, 1 / 32)))},
             "particles": {"substeps": lambda: self._maybe(dice.randint(1, 20))},
         }  # fmt: skip
+        bounded = dice.random() < 0.3  # such robots do not patrol
         exploring = {
+            "search": lambda: dice.randint(3, 200) if bounded else OMITTED,
+            "idle": lambda: "stand" if bounded else self._maybe("patrol"),
             "patience": lambda: self._maybe(dice.randint(1, 9)),
             "grain": lambda: self._maybe(dice.randint(3, 9)),
             "near": lambda: self._maybe(round(dice.uniform(1.0, 12.0), 2)),

@@ -6,7 +6,7 @@ from numpy.testing import assert_array_equal
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from swarmsim.kernels import occupancy, search
+from swarmsim.kernels import occupancy, scratch, search
 
 ONE_CELL = np.zeros((1, 2), np.int32)
 PLUS = np.array([[0, 0], [-1, 0], [0, -1], [0, 1], [1, 0]], np.int32)
@@ -82,7 +82,8 @@ def random_map(rng, known=1.0):
 def shortest(wall, start, goal, neighbours=8, footprint=ONE_CELL, observed=None, barred=None):
     path = np.full(wall.size, -7, np.int32)
     known = maps(wall, observed, barred)
-    count = search.a_star(known, 0, NOW, rules(neighbours, footprint), start, goal, search.scratch(wall.size), path)
+    work = scratch.working_memory(wall.size)
+    count = search.a_star(known, 0, NOW, rules(neighbours, footprint), start, goal, work, path)
     return path[:count]
 
 
@@ -134,13 +135,47 @@ def test_a_star_is_as_short_as_dijkstra_on_200_random_grids(neighbours, footprin
 
 def test_a_star_gives_the_same_way_whatever_was_searched_before():
     rng = np.random.default_rng(14)
-    used = search.scratch(28 * 28)
+    used = scratch.working_memory(28 * 28)
     for _ in range(60):
         wall, _ = random_map(rng)
         start, goal = rng.integers(0, wall.size, 2)
         path = np.zeros(wall.size, np.int32)
         count = search.a_star(maps(wall), 0, NOW, rules(), start, goal, used, path)
         assert_array_equal(path[:count], shortest(wall, start, goal))
+
+
+def test_a_bounded_search_goes_on_where_it_paused_and_finds_the_same():
+    rng, paused = np.random.default_rng(15), 0
+    for _ in range(60):
+        wall, observed = random_map(rng, 0.998)
+        known, start = maps(wall, observed), int(rng.integers(0, wall.size))
+        work, path = scratch.working_memory(wall.size), np.zeros(wall.size, np.int32)
+        told = (known, 0, NOW, rules(), start, np.uint64(0))
+        while True:
+            work.left[0] = 5
+            found = search.nearest_frontier(*told, work)
+            assert work.left[0] >= 0
+            if found[1] != search.PAUSED:
+                break
+            assert work.left[0] == 0
+            paused += 1
+        whole = scratch.working_memory(wall.size)
+        assert found == search.nearest_frontier(*told, whole)
+        if found[1] >= 0:
+            way = path[: search.traced(found[1], work, path)]
+            assert (way[0], way[-1]) == (start, found[1])
+            assert length(way, wall.shape[1]) == pytest.approx(
+                length(shortest(wall, start, found[1], observed=observed), wall.shape[1])
+            )
+    assert paused > 20
+
+
+def test_a_paused_search_is_given_up_where_the_robot_has_moved():
+    known, work = maps(np.zeros((1, 40), bool), np.arange(40)[None] < 39), scratch.working_memory(40)
+    work.left[0] = 5
+    assert search.nearest_frontier(known, 0, NOW, rules(), 0, np.uint64(0), work)[1] == search.PAUSED
+    work.left[0] = 5
+    assert search.nearest_frontier(known, 0, NOW, rules(), 36, np.uint64(0), work) == (38, 38)
 
 
 def test_the_way_from_a_cell_to_itself_is_that_cell():
@@ -214,7 +249,7 @@ def test_a_cell_as_likely_free_as_occupied_is_no_frontier_and_not_entered():
 
 
 def nearest(wall, observed, start, salt=ROW_ORDER, neighbours=8, footprint=ONE_CELL, shunned=None):
-    work = search.scratch(wall.size)
+    work = scratch.working_memory(wall.size)
     known = maps(wall, observed, shunned=shunned)
     return search.nearest_frontier(known, 0, NOW, rules(neighbours, footprint), start, np.uint64(salt), work)
 

@@ -13,7 +13,7 @@ import msgspec
 from swarmsim.core.adapters.forms import adapted
 from swarmsim.core.code import distributions, snapshot
 from swarmsim.core.code.snapshot import Snapshot
-from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.errors import InputError, lacks, nearest
 from swarmsim.core.own import is_failure, told
 from swarmsim.core.seams import SEAMS
 
@@ -64,7 +64,10 @@ def find(seam: str, use: str) -> type[msgspec.Struct]:
 @lru_cache(maxsize=256)
 def _installed(seam: str, use: str) -> type[msgspec.Struct]:
     if use in entries(seam):
-        return _part(seam, use, entries(seam)[use].load())
+        try:
+            return _part(seam, use, entries(seam)[use].load())
+        except ModuleNotFoundError as problem:
+            raise lacks(f"use: the {seam} {use!r}", problem) from problem
     raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, entries(seam))}")
 
 

@@ -46,7 +46,7 @@ class Ros2(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             import zenoh
         except ImportError as problem:
             raise InputError(
-                "adapter ros2: needs eclipse-zenoh and pycdr2; install them with: pip install 'swarmsim-lab[ros2]'"
+                "adapter ros2: needs eclipse-zenoh and pycdr2; install them with: pip install eclipse-zenoh pycdr2"
             ) from problem
         place, config = Address.of(self.address, "adapter ros2"), zenoh.Config()
         for key, value in {

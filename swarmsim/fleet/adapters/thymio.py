@@ -48,7 +48,7 @@ class ThymioAdapter(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             from thymiodirect.connection import Connection
         except ImportError as problem:
             raise InputError(
-                "adapter thymio: needs thymiodirect; install it with: pip install 'swarmsim-lab[thymio]'"
+                "adapter thymio: needs thymiodirect; install it with: pip install thymiodirect"
             ) from problem
         return ThymioBody(self, Connection(self._line(), refreshing_rate=_LOOK), robot)
 

@@ -60,7 +60,7 @@ def _opened(keys: Zenoh, place: Address, interface: Interface, robot: int) -> ze
         import zenoh  # an extra
     except ImportError as problem:
         raise InputError(
-            "transport zenoh: needs eclipse-zenoh; install it with: pip install 'swarmsim-lab[fleet]'"
+            "transport zenoh: needs eclipse-zenoh; install it with: pip install eclipse-zenoh"
         ) from problem
     config = zenoh.Config()
     for key, value in (_meshed(keys, place, interface, robot) | (_guarded(keys, robot) if keys.keys else {})).items():

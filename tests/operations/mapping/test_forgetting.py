@@ -16,7 +16,7 @@ from swarmsim.core.errors import PlacedError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.readings import Tiles
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
-from swarmsim.kernels import occupancy, search
+from swarmsim.kernels import occupancy, scratch, search
 from swarmsim.operations.mapping.computation import OccupancyGrid
 from swarmsim.recording.digests import Digests
 
@@ -163,7 +163,7 @@ def test_a_patrol_goes_to_the_nearest_cell_at_least_half_as_old_as_the_oldest_in
     maps = search.Maps(log_odds[None], observed[None], never, never)
     patrol = search.Patrol(rng.integers(0, 5, (1, 9, 9)).astype(np.int32), np.zeros(1, np.int32))
     rules = search.Rules(0.0, 0.0, CELL, np.zeros((1, 2), np.int32), 0, 4, True, 8, 4)
-    found = search.nearest_stale(maps, patrol, 0, 4, rules, 4 * 9 + 4, np.uint64(0), search.scratch(81))
+    found = search.nearest_stale(maps, patrol, 0, 4, rules, 4 * 9 + 4, np.uint64(0), scratch.working_memory(81))
     steps = walking(observed & ~wall, (4, 4))
     cells = [
         (4 - int(patrol.seen[0, r, c]), steps[r, c], 9 * r + c)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
+from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Intents, Knowledge, Senses
-from swarmsim.kernels import decide, occupancy, search
+from swarmsim.kernels import decide, occupancy, scratch, search
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing.policies import tiles_of
 
@@ -33,9 +34,12 @@ class NearestFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     neighbours: Literal[4, 8] = 8  # of a cell, for paths
     patience: Patience = None  # iterations without progress; default: 4 cells' time
     idle: Literal["stand", "patrol"] = "stand"  # without a frontier: patrol goes to long unseen places
+    search: Annotated[int, Meta(ge=1)] | None = None  # cells settled in one iteration, at most; None: all that it takes
 
     def build(self, context: BuildContext) -> FrontierStrategy:
-        """The plans of a whole swarm."""
+        """The plans of a whole swarm. Raises InputError for robots that patrol and search with a bound."""
+        if self.search is not None and self.idle == "patrol":
+            raise InputError('search: robots that patrol search all that they can reach; expected idle = "stand"')
         return FrontierStrategy(self, context)
 
 
@@ -73,8 +77,9 @@ class PlannedStrategy(ABC):
             parameters.replan == "on-arrival",
             parameters.patience or max(4, math.ceil(4.0 / slowest)),
             math.ceil(per_iteration) + 3,
+            parameters.search is not None,
         )
-        self._scratch = search.scratch(cells)
+        self._scratch = scratch.working_memory(cells)
         self._salts = salts(context, "unstick")
         self._tie_salts = salts(context, "ties")
         if parameters.ties == "row-order":
@@ -104,24 +109,39 @@ class PlannedStrategy(ABC):
 class FrontierStrategy(PlannedStrategy):
     """Robots walk to the nearest frontier."""
 
+    def __init__(self, parameters: NearestFrontier, context: BuildContext) -> None:
+        super().__init__(parameters, context)
+        self._most = parameters.search
+        if self._most is not None:  # a search that goes on needs memory of its own
+            self._scratches = [scratch.working_memory(context.lattice.rows * self._columns) for _ in context.ids]
+
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
         if self._patrol.seen.size:
             self._see(senses, maps)
-        # The iteration counts from 1 here: 0 in `barred` and `shunned` means never.
-        decide.decide(
-            senses.iteration + 1,
-            senses.pose,
-            senses.alive,
-            maps.new_cells,
-            search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned),
-            self._plans,
-            self._patrol,
-            self._rules,
-            self._salts,
-            self._tie_salts,
-            self._scratch,
-        )
+        if self._most is None:
+            self._decide(senses, maps, slice(None), self._scratch)
+        else:
+            for row, work in enumerate(self._scratches):
+                work.left[0] = self._most
+                self._decide(senses, maps, slice(row, row + 1), work)
         return self._intents()
+
+    def _decide(self, senses: Senses, maps: Maps, rows: slice, work: scratch.Scratch) -> None:
+        """Let the robots of some rows decide."""
+        plans: Any = [column[rows] for column in self._plans]
+        decide.decide(
+            senses.iteration + 1,  # counts from 1 here: 0 in `barred` and `shunned` means never
+            senses.pose[rows],
+            senses.alive[rows],
+            maps.new_cells[rows],
+            search.Maps(maps.log_odds[rows], maps.observed[rows], self._barred[rows], self._shunned[rows]),
+            decide.Plans(*plans),
+            search.Patrol(*(column[rows] for column in self._patrol)),
+            self._rules,
+            self._salts[rows],
+            self._tie_salts[rows],
+            work,
+        )
 
     def _see(self, senses: Senses, maps: Maps) -> None:
         """Note which cells were seen when."""
