@@ -21,7 +21,7 @@ class Finding:
 
 
 def doctor() -> list[Finding]:
-    """Check versions, simulation, film, letters, compiled code, folders and display: `swarmsim doctor`.
+    """Check versions, name, simulation, film, letters, compiled code, folders and display: `swarmsim doctor`.
 
     Returns one finding for each, whatever goes wrong.
     """
@@ -44,6 +44,16 @@ def _versions() -> str:
     from swarmsim.recording.digests import versions
 
     return ", ".join(f"{name} {version}" for name, version in versions().items() if name not in ("python", "platform"))
+
+
+def _name() -> str:
+    from importlib import metadata
+
+    try:
+        version = metadata.version(OTHER)
+    except metadata.PackageNotFoundError:
+        return "swarmsim-lab, alone"
+    raise RuntimeError(f"the package {OTHER} {version} is another simulator, whose files take the same places")
 
 
 def _simulation() -> str:
@@ -108,14 +118,17 @@ def _display() -> str:
 
 
 CHECKS: Final[dict[str, Callable[[], str]]] = {
-    "python": _python, "versions": _versions, "simulation": _simulation, "film": _film, "letters": _letters,
-    "compiled code": _compiled, "folder": _folder, "display": _display,
+    "python": _python, "versions": _versions, "name": _name, "simulation": _simulation, "film": _film,
+    "letters": _letters, "compiled code": _compiled, "folder": _folder, "display": _display,
 }  # fmt: skip
+OTHER: Final = "swarmsim"  # a distribution of this name has nothing to do with this one, `swarmsim-lab`
+AGAIN: Final = "install swarmsim again, from its wheel or checkout"
 OPTIONAL: Final = ("display",)
 ADVICE: Final = {
     "python": "install Python again",
-    "versions": "install again with: pip install --force-reinstall swarmsim-lab",
-    "simulation": "install again with: pip install --force-reinstall swarmsim-lab",
+    "versions": AGAIN,
+    "name": f"remove both with: pip uninstall {OTHER} swarmsim-lab; then {AGAIN}",
+    "simulation": AGAIN,
     "film": "install an encoder with: pip install --force-reinstall imageio-ffmpeg",
     "letters": "install pygame again with: pip install --force-reinstall pygame-ce",
     "compiled code": "every run compiles anew; name a folder that can be written in NUMBA_CACHE_DIR",
