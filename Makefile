@@ -1,12 +1,14 @@
 # Two commands on a fresh machine with Python 3.11 or newer and make: `make demo` and `make test`.
 PYTHON ?= python3
 BIN := .venv/bin
+PYTHONS ?= $(PYTHON)
 RUN := runs/demo
+BUILT := umask 022 && $(BIN)/python -m build --no-isolation
 INSTALL := $(BIN)/pip install --quiet --require-hashes
 COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header $(UPGRADE)
 ADDED = $(COMPILE) pyproject.toml --constraint locks/run.txt $$(sed -n 's/^\([a-z0-9-]*\)==[^;]*$$/--no-emit-package \1/p' locks/run.txt)
 
-.PHONY: demo test robot expectations docs test-browser test-slow bench bench-peers learning merging external soak bounds golden types format lock clean
+.PHONY: demo test robot expectations dist docs test-browser test-slow bench bench-peers learning merging external soak bounds golden types format lock clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -29,6 +31,21 @@ expectations: .venv/package
 
 test-browser: .venv/browser
 	$(BIN)/pytest -m browser
+
+# A release: both archives twice, the second time from the first source archive, to the same bytes; their contents checked;
+# the wheel used outside the repository by each of PYTHONS with the listed versions, and with the lowest ones that it asks for.
+dist: export SOURCE_DATE_EPOCH = $(shell git log -1 --format=%ct)
+dist: .venv/dist
+	rm -rf dist build/again && mkdir -p build/again
+	$(BUILT) --outdir dist .
+	tar --extract --gzip --directory build/again --strip-components 1 --file dist/*.tar.gz
+	$(BUILT) --outdir build/again/dist build/again
+	for made in dist/*; do cmp $$made build/again/$$made || exit 1; done
+	$(BIN)/twine check --strict dist/*
+	$(BIN)/check-wheel-contents dist/*.whl
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	PYTHONS="$(PYTHONS)" $(BIN)/pytest -m dist -s -o faulthandler_timeout=0 tests/test_dist.py
+	sha256sum dist/*
 
 docs: .venv/docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
@@ -87,6 +104,8 @@ lock: build/lock/bin/uv
 	$(ADDED) --extra browser --constraint locks/test.txt --output-file locks/browser.txt
 	$(ADDED) --extra docs --constraint locks/test.txt --output-file locks/docs.txt
 	$(ADDED) --extra slurm --constraint locks/test.txt --output-file locks/slurm.txt
+	$(ADDED) --extra dist --constraint locks/test.txt --output-file locks/dist.txt
+	$(subst --universal,--resolution lowest-direct,$(COMPILE)) pyproject.toml --output-file locks/lowest.txt
 
 clean:
 	rm -rf .venv runs build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -108,6 +127,10 @@ clean:
 .venv/browser: .venv/test locks/browser.txt
 	@command -v chromium >/dev/null || { echo "the browser tests need chromium; install it, for instance with: apt-get install chromium"; exit 2; }
 	$(INSTALL) --requirement locks/browser.txt
+	touch $@
+
+.venv/dist: .venv/test locks/dist.txt
+	$(INSTALL) --requirement locks/dist.txt
 	touch $@
 
 .venv/docs: .venv/package locks/docs.txt

@@ -17,6 +17,7 @@ from conftest import ROOT, called, jobs_here
 from offspring import Offspring
 from typer.core import TyperGroup
 
+import swarmsim
 from swarmsim.cli import app
 from swarmsim.core.events import Begins, PieceTaken
 from swarmsim.core.scenario import registry
@@ -125,6 +126,49 @@ PAGES = ["README.md", "CONTRIBUTING.md", *(f"docs/{path.name}" for path in sorte
 COMMANDS = [(page, line) for page in PAGES for line in commands_of(page)]
 
 
+#: Whether a package index has swarmsim. The one place to change when it does, with `docs/install.md`.
+PUBLISHED = False
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def installable(what: str) -> bool:
+    """Whether pip can install this: a checkout, a wheel of this version, an extra of what is installed."""
+    name, _, extra = what.rstrip("]").partition("[")
+    wheel = f"swarmsim_lab-{swarmsim.__version__}-py3-none-any.whl"
+    if what == "." or what.rpartition("/")[2] == wheel:
+        return True
+    return name == PROJECT["name"] and (extra in PROJECT["optional-dependencies"] or (PUBLISHED and not extra))
+
+
+def promised(text: str) -> list[str]:
+    """What of swarmsim a text says that installers install."""
+    said = re.findall(r"\b(?:(?:pip|pipx|uv|conda|poetry|tool) (?:install|add|run)|uvx) ([^`\n]*)", text)
+    words = [word.strip("\"',;.:()") for line in said for word in line.split()]
+    return [word for word in words if re.search(r"\bswarmsim(?![\w/]|\.[a-z])|swarmsim_lab", word)]
+
+
+def test_no_page_or_message_promises_an_installation_that_fails() -> None:
+    texts = {page: (ROOT / page).read_text() for page in (*PAGES, "template/README.md", "CHANGELOG.md")}
+    texts |= {str(path.relative_to(ROOT)): path.read_text() for path in sorted(ROOT.glob("swarmsim/**/*.py"))}
+    found = [(page, what) for page, text in texts.items() for what in promised(text)]
+    assert len(found) > 20
+    assert [pair for pair in found if not installable(pair[1])] == []
+    install = (ROOT / "docs/install.md").read_text()
+    assert ("is on no package index yet" in install) == (not PUBLISHED)
+    assert all(f"[{extra}]" in install for extra in PROJECT["optional-dependencies"] if extra not in FOR_DEVELOPERS)
+
+
+@pytest.mark.parametrize(
+    "false", ["pip install swarmsim-lab", "pip install swarmsim", "uvx swarmsim-lab run", "pipx install 'swarmsim-lab'",
+              "pip install 'swarmsim-lab[nothing]'", "pip install dist/swarmsim_lab-9.9-py3-none-any.whl"],
+)  # fmt: skip
+def test_a_false_promise_would_be_found(false: str) -> None:
+    assert not all(map(installable, promised(f"Say `{false}` once."))), false
+
+
+FOR_DEVELOPERS = {"test", "browser", "docs", "bench", "dist"}
+
+
 @pytest.mark.parametrize(("page", "line"), COMMANDS, ids=[f"{page}: {line}" for page, line in COMMANDS])
 def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) -> None:
     words = shlex.split(line.removesuffix("|| true"))
@@ -137,11 +181,8 @@ def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) 
         return
     if page == "CONTRIBUTING.md" and ".venv/bin/" in line:
         return  # another test runs those
-    if words[:2] == ["pip", "install"]:
-        project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-        name, _, extra = words[2].rstrip("]").partition("[")
-        assert name == project["name"]
-        assert not extra or extra in project["optional-dependencies"]
+    if words[0] == "pip":
+        assert words[1] == "uninstall" or installable(words[2]), f"{page}: {line}"
         return
     if words[0] == "python":
         assert (ROOT / words[1]).exists(), f"{page}: {line}"
@@ -211,6 +252,43 @@ def test_every_listing_of_a_scenario_or_study_can_be_read(page: str, text: str, 
         build(scenario, page)
     else:
         assert Path(scenario.world.file).name == "plan.svg"
+
+
+def modules_of(code: str) -> set[str]:
+    """The modules of swarmsim from which code imports."""
+    found = re.findall(r"^\s*from (swarmsim(?:\.\w+)*) import (\([^)]*\)|[^\n]*)", code, re.MULTILINE)
+    whole = {f"{module}.{name}" for module, names in found for name in re.findall(r"(\w+)(?: as \w+)?", names)}
+    return {one if is_module(one) else one.rpartition(".")[0] for one in whole}
+
+
+def is_module(name: str) -> bool:
+    place = ROOT / name.replace(".", "/")
+    return place.is_dir() or place.with_suffix(".py").exists()
+
+
+def test_nothing_is_shown_that_the_page_of_promises_does_not_place() -> None:
+    """What listings, skeletons and the template import, and what the reference lists, is public or said not to be."""
+    promises = (ROOT / "docs/stability.md").read_text()
+    placed = set(re.findall(r"`(swarmsim(?:\.\w+)+)`", promises))
+    assert all(is_module(one) for one in placed - {"swarmsim.__all__"})
+    texts = ["\n".join(blocks(page, "python")) for page in PAGES]
+    texts += [
+        path.read_text() for path in [*ROOT.glob("template/src/**/*.py"), *ROOT.glob("swarmsim/api/skeletons/*.txt")]
+    ]
+    shown = set().union(*map(modules_of, texts)) - {"swarmsim"}
+    assert len(shown) > 40
+    assert shown - placed == set()
+    listed = set(re.findall(r"^::: (swarmsim[\w.]*)", (ROOT / "docs/reference.md").read_text(), re.MULTILINE))
+    homes = {f"swarmsim.{place.partition(':')[0]}" for place in swarmsim._PLACES.values()}
+    inside = {one for one in listed - placed - homes if not one.startswith(("swarmsim.testing.", "swarmsim.learning."))}
+    assert inside == RETURNED
+
+
+#: Modules on the page of the reference whose values functions of `swarmsim` return.
+RETURNED = {
+    "swarmsim.api.verification", "swarmsim.fleet.radios", "swarmsim.network.report", "swarmsim.studies.comparison",
+    "swarmsim.studies.expectations.verdicts", "swarmsim.studies.sizing_report", "swarmsim.core.scenario.expect",
+}  # fmt: skip
 
 
 CODE = [(page, text) for page in PAGES if page not in TOLD for text in blocks(page, "python")]

@@ -23,7 +23,7 @@ class Finding:
 
 
 def doctor() -> list[Finding]:
-    """Check versions, simulation, film, letters, compiled code, folders and display: `swarmsim doctor`.
+    """Check versions, name, simulation, film, letters, compiled code, folders and display: `swarmsim doctor`.
 
     Returns one finding for each, whatever goes wrong.
     """
@@ -50,6 +50,16 @@ def _versions() -> str:
     if any(one.name == ROBOT for one in distributions()):
         raise RuntimeError(f"{ROBOT} is installed too, whose files are in the place of this package's")
     return ", ".join(f"{name} {version}" for name, version in versions().items() if name not in ("python", "platform"))
+
+
+def _name() -> str:
+    from importlib import metadata
+
+    try:
+        version = metadata.version(OTHER)
+    except metadata.PackageNotFoundError:
+        return "swarmsim-lab, alone"
+    raise RuntimeError(f"the package {OTHER} {version} is another simulator, whose files take the same places")
 
 
 def _simulation() -> str:
@@ -114,14 +124,17 @@ def _display() -> str:
 
 
 CHECKS: Final[dict[str, Callable[[], str]]] = {
-    "python": _python, "versions": _versions, "simulation": _simulation, "film": _film, "letters": _letters,
-    "compiled code": _compiled, "folder": _folder, "display": _display,
+    "python": _python, "versions": _versions, "name": _name, "simulation": _simulation, "film": _film,
+    "letters": _letters, "compiled code": _compiled, "folder": _folder, "display": _display,
 }  # fmt: skip
+OTHER: Final = "swarmsim"  # a distribution of this name has nothing to do with this one, `swarmsim-lab`
+AGAIN: Final = "install swarmsim again, from its wheel or checkout"
 OPTIONAL: Final = ("display",)
 ADVICE: Final = {
     "python": "install Python again",
-    "versions": f"pip uninstall {ROBOT}, and install again with: pip install --force-reinstall swarmsim-lab",
-    "simulation": "install again with: pip install --force-reinstall swarmsim-lab",
+    "versions": f"pip uninstall {ROBOT}, and {AGAIN}",
+    "name": f"remove both with: pip uninstall {OTHER} swarmsim-lab; then {AGAIN}",
+    "simulation": AGAIN,
     "film": "install an encoder with: pip install --force-reinstall imageio-ffmpeg",
     "letters": "install pygame again with: pip install --force-reinstall pygame-ce",
     "compiled code": "every run compiles anew; name a folder that can be written in NUMBA_CACHE_DIR",

@@ -18,7 +18,7 @@ try:
     from numba import njit as njit
     from numba.core import config, event
     from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
-except ImportError:  # a robot without a compiler
+except ModuleNotFoundError:  # a robot without a compiler
     config = None
 
     def njit(**options):

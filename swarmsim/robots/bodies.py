@@ -1,16 +1,15 @@
-"""Discs on wheels under pymunk: the only bridge between arrays and rigid bodies."""
+"""Discs on wheels under pymunk: the bridge between arrays and rigid bodies."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import pymunk
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from pymunk import batch
-from pymunk._chipmunk_cffi import ffi, lib
 
 from swarmsim.core.building import Building, Crowd
 from swarmsim.core.context import BuildContext
@@ -20,15 +19,12 @@ from swarmsim.core.kinematics import Drives
 from swarmsim.core.parts import Motion
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
+from swarmsim.robots.batched import READ, WRITE, addresses, check
 from swarmsim.robots.kinematics import TwoWheels, differential, drives_of
 from swarmsim.robots.motion import Compiled
 
 STRIDE = 0.25  # of its radius, the most that a robot may drive in a sub-step: more would let it pass thin walls
 MOST = 100_000  # sub-steps of an iteration
-READ = (
-    batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
-)
-WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
 
 
 class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -70,7 +66,8 @@ class RigidDiscs:
         pose: NDArray[np.float64],
         drives: Drives | None = None,
     ) -> None:
-        """By default all robots have two wheels."""
+        """By default all robots have two wheels. Raises InputError for a pymunk whose insides are not as used here."""
+        check()
         self._substep = longest_stride(robots, physics)
         mass, radii = robots.each("mass"), robots.each("radius")
         moments = [pymunk.moment_for_circle(*one) for one in zip(mass, np.zeros(len(mass)), radii, strict=True)]
@@ -145,7 +142,7 @@ class RigidDiscs:
         self._moving = np.frombuffer(self._reading.float_buf()).reshape(-1, 6)[:count]
         self._push = np.zeros((len(rows), 3))
         self._writing.set_float_buf(self._push)
-        self._engine, self._written, self._read, self._batched = _addresses(self.space, self._reading, self._writing)
+        self._engine, self._written, self._read, self._batched = addresses(self.space, self._reading, self._writing)
 
     def state(self) -> State:
         """The robots' present state; the arrays are copies."""
@@ -249,26 +246,3 @@ class RigidDiscs:
 def longest_stride(robots: Crew, physics: Pymunk) -> float:
     """The longest sub-step (s), at most `substep`, in which no robot drives farther than STRIDE of its radius."""
     return min(physics.substep, STRIDE * float((robots.each("radius") / robots.each("speed")).min()))
-
-
-def _addresses(
-    space: pymunk.Space, reading: batch.Buffer, writing: batch.Buffer
-) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.int32], Any]:
-    """The addresses of Chipmunk's functions and their data, for `drive.roll`: `engine`, `written` and `read`.
-
-    The last item is the data, to be kept as long as it is used.
-
-    pymunk's `Space.step` and batch calls use the same; therefore pymunk is pinned exactly.
-    """
-    data, counters = [], []
-    for fields, buffer in ((WRITE, writing), (READ, reading)):
-        batched = ffi.new("pmBatchedData *")
-        batched.fields, batched.floatArray, batched.intArray = fields.value, buffer._float_arr, buffer._int_arr
-        data.append(batched)
-        number = ffi.buffer(ffi.addressof(buffer._float_arr, "num"), ffi.sizeof("int"))
-        counters.append(np.frombuffer(number, np.int32))
-    names = ("cpSpaceStep", "cpSpaceEachBody", "pmSpaceBodySetIteratorFuncBatched", "pmSpaceBodyGetIteratorFuncBatched")
-    step, each, write, read = (ffi.addressof(lib, name) for name in names)
-    pointers = (step, each, space._space, write, data[0], read, data[1])
-    engine = np.array([int(ffi.cast("uintptr_t", one)) for one in pointers], np.uint64)
-    return engine, counters[0], counters[1], data

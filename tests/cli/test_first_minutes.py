@@ -89,12 +89,24 @@ def test_every_copied_example_can_be_opened(tmp_path: Path, name: str) -> None:
 def test_the_doctor_tells_what_works_and_what_to_do(tmp_path: Path) -> None:
     done = swarmsim("doctor", cwd=tmp_path, COLUMNS="200", SDL_VIDEODRIVER="dummy")
     assert done.returncode == 0, done.stdout + done.stderr
-    for name in ("python", "versions", "simulation", "film", "letters", "compiled code", "folder"):
+    for name in ("python", "versions", "name", "simulation", "film", "letters", "compiled code", "folder"):
         assert re.search(rf"{name} +│ works", done.stdout), name
     assert "only swarmsim view needs one" in done.stdout
     broken = swarmsim("doctor", cwd=tmp_path, COLUMNS="200", IMAGEIO_FFMPEG_EXE="/nowhere/ffmpeg")
     assert broken.returncode == 1
     assert "pip install --force-reinstall imageio-ffmpeg" in " ".join(broken.stdout.replace("│", " ").split())
+
+
+def test_the_doctor_notices_the_other_package_of_the_same_name(tmp_path: Path) -> None:
+    (tmp_path / "swarmsim-1.2.0.dist-info").mkdir()
+    (tmp_path / "swarmsim-1.2.0.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: swarmsim\nVersion: 1.2.0\n"
+    )
+    done = swarmsim("doctor", cwd=tmp_path, COLUMNS="300", PYTHONPATH=str(tmp_path))
+    assert done.returncode == 1
+    told = " ".join(done.stdout.replace("│", " ").split())
+    assert "the package swarmsim 1.2.0 is another simulator" in told
+    assert "pip uninstall swarmsim swarmsim-lab" in told
 
 
 def test_keys_and_parts_are_completed() -> None:
