@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from swarmsim.api.verification import Verification
-    from swarmsim.fleet.diary import DiaryReplay
+    from swarmsim.fleet.diaries import LogReplay
     from swarmsim.network.report import NetworkReport
     from swarmsim.view.style import LookKeys
 
@@ -122,12 +122,12 @@ class Run:
 
     def replay(
         self, *, id_: int = 0, out: str | Path | None = None, allow_code: bool = False, progress: Progress = untold
-    ) -> DiaryReplay:
+    ) -> LogReplay:
         """Let a robot alone sense and hear what it did in the run, and compare what it does: `swarmsim robot replay`.
 
         For what it sensed and heard, the world is simulated again, with all robots told bytes alone, and compared with
         the recording in every field. Then a new robot with the number `id` goes through its part. The file `out` keeps
-        that, as a diary for `swarmsim-robot replay` on another computer. `allow_code` lets the run's own code run;
+        that, as a log for `swarmsim-robot replay` on another computer. `allow_code` lets the run's own code run;
         `progress` is called with the iterations simulated and all of them.
         Raises InputError for a run that cannot be repeated, or comes out otherwise, and StorageError for a full disk.
         """

@@ -5,30 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from swarmsim.api.verification import verified
-from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Parts
 from swarmsim.engine.build import build
-from swarmsim.fleet.diary import Diary, DiaryReplay, replayed
+from swarmsim.fleet.diaries import LogReplay, replayed
 from swarmsim.fleet.remote import RemoteMinds
 from swarmsim.fleet.running import Fleet
 from swarmsim.fleet.terms import Terms
 from swarmsim.recording.reader import Recording
-from swarmsim.testing.apart import BytesCrew
+from swarmsim.testing.apart import BytesCrew, Diary
 
 
 def lived_again(
     recording: Recording, name: str, robot: int, out: Path | None, progress: Callable[[int, int], None]
-) -> DiaryReplay:
+) -> LogReplay:
     """What `Run.replay` gives; `name` is the run's in messages."""
     diary = _diary(recording, name, robot, progress)
-    if out is not None:
-        try:
-            diary.write(out)
-        except OSError as problem:
-            raise unwritten(f"--out {out}", problem) from problem
-    return replayed(diary, name)
+    with TemporaryDirectory() as folder:
+        log = out or Path(folder) / f"robot-{robot}.log"
+        diary.write(log)
+        return replayed(log)
 
 
 def _diary(recording: Recording, name: str, robot: int, progress: Callable[[int, int], None]) -> Diary:

@@ -248,7 +248,7 @@ def replay(
     With --out, `swarmsim-robot replay FILE` does the same on the computer of a robot, and tells how long that takes.
     Exit code 0: equal, to the last bit; 1: different; 2: bad input.
 
-    Example: swarmsim robot replay runs/basilica-1 --id 3 --out build/3.diary
+    Example: swarmsim robot replay runs/basilica-1 --id 3 --out build/3.log
     """
     from swarmsim.api.runs import open as open_run
 

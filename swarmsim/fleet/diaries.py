@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import final
 from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import FrameError
-from swarmsim.core.robot import Letter, Robot
+from swarmsim.core.robot import Letter, Robot, warm
 from swarmsim.fleet import logbook, wire
 from swarmsim.fleet.logbook import LogEntry
 from swarmsim.fleet.terms import LATE, Links, Terms
@@ -123,6 +124,63 @@ class Again:
         deed = robot.hear([changed[key] if key in changed else on_air[key][0] for key in taken], awake, oldest)
         done = wire.deed_telegram(robot.number, deed, context.actuators).packed()
         return Relived(said, done, {key: frame for key, (_, frame) in on_air.items()}, len(taken))
+
+
+@dataclass(frozen=True, slots=True)
+class LogReplay:
+    """How a log went when a robot lived through it again."""
+
+    robot: int
+    iterations: int
+    difference: str  # the first one, in words; empty: all that it said and did is equal
+    mean: float  # s of processor time, for one iteration
+    longest: float  # s
+
+    @property
+    def equal(self) -> bool:
+        """Whether the robot said and did the same, to the last bit."""
+        return not self.difference
+
+    def __str__(self) -> str:
+        took = f"{1e3 * self.mean:.2f} ms of processor time an iteration, at most {1e3 * self.longest:.1f} ms"
+        if self.equal:
+            return f"robot {self.robot}: equal in all {self.iterations} iterations; {took}"
+        return f"robot {self.robot}: different: {self.difference}"
+
+
+def replayed(path: Path) -> LogReplay:
+    """Let a robot live through a log up to the first difference. Raises InputError for a file that cannot be one."""
+    warm(charge_of(path))
+    again, spent, difference = Again(path), list[float](), ""
+    for one in lives(path):
+        begins = time.process_time()
+        try:
+            lived = again.lived(one)
+        except FrameError as problem:
+            raise InputError(f"{path}: iteration {one.iteration}: {problem}; expected a log as written") from problem
+        spent.append(time.process_time() - begins)
+        if difference := unfounded(one, lived):
+            difference = f"iteration {one.iteration}, {difference}"
+            break
+    mean, longest = sum(spent) / max(len(spent), 1), max(spent, default=0.0)
+    return LogReplay(again.robot.number, len(spent), difference, mean, longest)
+
+
+def unfounded(one: Lived, lived: Relived) -> str:
+    """What in an iteration does not follow from what the robot sensed and heard; empty if all does."""
+    if one.said and lived.said != one.said:
+        return "it said what does not follow from what it sensed"
+    if one.deed and lived.deed != one.deed:
+        return "it decided what does not follow from what it sensed and heard"
+    return ""
+
+
+def charge_of(path: Path) -> Charge:
+    """The charge that a robot's log begins with. Raises InputError."""
+    for entry in logbook.entries(path):
+        if entry.kind == wire.CHARGE:
+            return Charge.read(entry.data, str(path))
+    raise InputError(f"{path}: has no charge; expected the log of a robot")
 
 
 def recalled(path: Path, charge: Charge) -> Robot | None:

@@ -13,7 +13,7 @@ from swarmsim.core.parts import Observer
 from swarmsim.core.scenario.file import shape
 from swarmsim.core.scenario.toml import parsed
 from swarmsim.fleet import diaries, running
-from swarmsim.fleet.diaries import Lived, Relived
+from swarmsim.fleet.diaries import Relived
 from swarmsim.fleet.logged import Kept, LoggedEnd, MissingError, WorldLog
 from swarmsim.fleet.real_faults import RealFaults
 from swarmsim.fleet.running import WORLD_LOG, Fleet
@@ -99,19 +99,12 @@ def checked(folder: Path, progress: Callable[[int, int], None] = lambda done, of
                 problems.append(f"robot {robot}, iteration {one.iteration}: {problem}")
                 break
             heard += lived.heard
-            found = [*_unfounded(one, lived), *_unsaid(lived, said)]
+            found = [*filter(None, [diaries.unfounded(one, lived)]), *_unsaid(lived, said)]
             problems += [f"robot {robot}, iteration {one.iteration}: {told}" for told in found]
             if found:
                 break
     progress(len(logs), len(logs))
     return Checked(iterations, heard, tuple(problems))
-
-
-def _unfounded(one: Lived, lived: Relived) -> list[str]:
-    """What in an iteration does not follow from what the robot sensed and heard."""
-    found = ["it said what does not follow from what it sensed"] if one.said and lived.said != one.said else []
-    wrong = one.deed and lived.deed != one.deed
-    return [*found, *(["it decided what does not follow from what it sensed and heard"] if wrong else [])]
 
 
 def _unsaid(lived: Relived, said: dict[int, dict[int, bytes]]) -> list[str]:

@@ -13,7 +13,7 @@ from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError, lacks
 from swarmsim.core.robot import warm
 from swarmsim.core.scenario import registry
-from swarmsim.fleet.diary import Diary, replayed
+from swarmsim.fleet.diaries import replayed
 from swarmsim.fleet.robot_process import BAD_INPUT, RobotAsked, run
 
 DIFFERENT: Final = 1  # exit code
@@ -55,12 +55,12 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--allow-code", action="store_true", help="run code that the scenario names")
     one.set_defaults(do=_run)
     one = verbs.add_parser(
-        "replay", help="live through a diary, and compare",
+        "replay", help="live through a log, and compare",
         description="Let a robot sense and hear what it did in a run, and compare what it says and does, to the last "
         "bit. Exit code 0: equal; 1: different; 2: bad input.",
-        epilog="Example: swarmsim-robot replay 3.diary",
+        epilog="Example: swarmsim-robot replay 3.log",
     )  # fmt: skip
-    one.add_argument("diary", type=Path, help="what `swarmsim robot replay --out` wrote")
+    one.add_argument("log", type=Path, help="a robot's log, or what `swarmsim robot replay --out` wrote")
     one.add_argument("--allow-code", action="store_true", help="run code that the scenario names")
     one.set_defaults(do=_replay)
     return parser
@@ -73,8 +73,8 @@ def _run(asked: argparse.Namespace) -> int:
 
 def _replay(asked: argparse.Namespace) -> int:
     with registry.own_code(asked.allow_code):
-        found = replayed(Diary.open(asked.diary), str(asked.diary))
-    sys.stdout.write(f"{asked.diary}: {found}\n")
+        found = replayed(asked.log)
+    sys.stdout.write(f"{asked.log}: {found}\n")
     return 0 if found.equal else DIFFERENT
 
 

@@ -3,19 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from swarmsim.core.charge import Charge
 from swarmsim.core.robot import Deed, Robot, Sensed
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
-from swarmsim.fleet import running, wire
-from swarmsim.fleet.diary import Diary
+from swarmsim.fleet import logbook, running, wire
+from swarmsim.fleet.logbook import Logbook
 from swarmsim.fleet.running import Fleet
+from swarmsim.fleet.terms import Terms
 from swarmsim.fleet.wire import Ears, Telegram
 from swarmsim.recording.digests import ACTUATED, DIGESTED, Digests
 from swarmsim.testing.broken import BrokenError
 from swarmsim.testing.runs import ITERATIONS, limited, opened
+
+
+@dataclass(slots=True)
+class Diary:
+    """What one robot was told, said and did: one entry an iteration in each list."""
+
+    charge: bytes
+    sensed: list[bytes] = field(default_factory=list)  # telegrams
+    said: list[list[bytes]] = field(default_factory=list)  # frames
+    ears: list[bytes] = field(default_factory=list)  # telegrams
+    heard: list[list[bytes]] = field(default_factory=list)  # frames
+    deeds: list[bytes] = field(default_factory=list)  # telegrams
+
+    def write(self, path: Path) -> None:
+        """Keep it as the log that the robot would have written. Raises InputError."""
+        path.unlink(missing_ok=True)
+        with closing(Logbook(path)) as log:
+            log.note(wire.CHARGE, self.charge)
+            log.note(logbook.TERMS, Terms().packed())
+            for sensed, said, ears, heard, deed in zip(
+                self.sensed, self.said, self.ears, self.heard, self.deeds, strict=True
+            ):
+                told = Telegram.read(sensed)
+                log.note(wire.SENSED, sensed)
+                log.note(wire.SAID, Telegram(wire.SAID, told.robot, told.iteration, pieces=tuple(said)).packed())
+                for frame in heard:
+                    log.note(logbook.HEARD, frame)
+                log.note(wire.EARS, ears)
+                log.note(wire.DEED, deed)
 
 
 class BytesCrew:

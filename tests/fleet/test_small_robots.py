@@ -24,22 +24,22 @@ sys.modules.update(dict.fromkeys(without))
 import swarmsim.fleet.robot_process
 from pathlib import Path
 
-from swarmsim.fleet.diary import Diary, replayed
+from swarmsim.fleet.diaries import replayed
 
-found = replayed(Diary.open(Path(path)), path)
+found = replayed(Path(path))
 assert found.equal and found.iterations == 30, found
 print(*[name for name in sys.modules if sys.modules[name] is not None], sep="\\n")
 """
 
 
 def replayed(tmp_path: Path, scenario: str, overrides: tuple[str, ...], number: int, *without: str) -> set[str]:
-    """What a process has imported that goes through a robot's diary and does the same, without some packages."""
+    """What a process has imported that goes through a robot's log and does the same, without some packages."""
     fleet = fleet_of(ROOT / "scenarios" / f"{scenario}.toml", *overrides, iterations=30)
     crew = BytesCrew(fleet)
     fleet.run.simulation.run()
-    crew.diaries[number].write(tmp_path / "diary")
+    crew.diaries[number].write(tmp_path / "log")
     done = subprocess.run(
-        [sys.executable, "-c", REPLAY, tmp_path / "diary", *without], capture_output=True, text=True, check=False
+        [sys.executable, "-c", REPLAY, tmp_path / "log", *without], capture_output=True, text=True, check=False
     )
     assert not done.returncode, done.stderr
     assert not done.stderr

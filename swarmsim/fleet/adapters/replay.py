@@ -13,31 +13,31 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import FrameError
 from swarmsim.core.readings import Channels
 from swarmsim.core.robot import Sensed
+from swarmsim.fleet import diaries, wire
 from swarmsim.fleet.adapter import Felt
-from swarmsim.fleet.diary import Diary
 from swarmsim.fleet.transport import LinkError
 
 
 class ReplayedBody(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A robot's senses in a recorded run, from a diary that `swarmsim robot replay --out` wrote; no body moves.
+    """A robot's senses in a run, from its log or from one that `swarmsim robot replay --out` wrote; no body moves.
 
     It begins when it is opened, and cannot be reached any more once the run has ended.
     """
 
-    file: str  # the diary
+    file: str  # the log
     pace: Annotated[float, Meta(gt=0.0, le=1e6)] = 1.0  # times real time
 
     def open(self, robot: int) -> Desk:
-        """Begin. Raises InputError for a file that is no diary of this robot."""
-        diary = Diary.open(Path(self.file))
-        charge = diary.read_charge()
+        """Begin. Raises InputError for a file that is no log of this robot."""
+        path = Path(self.file)
+        charge = diaries.charge_of(path)
         if charge.robot != robot:
             raise InputError(f"adapter replay: {self.file} is of robot {charge.robot}; expected one of robot {robot}")
         channels, actuators = Channels(*charge.channels), Channels(*charge.actuators)
         try:
-            senses = [diary.senses(iteration, channels, actuators) for iteration in range(len(diary.sensed))]
+            senses = [wire.sensed_of(one.sensed.telegram(path), channels, actuators) for one in diaries.lives(path)]
         except FrameError as problem:
-            raise InputError(f"adapter replay: {self.file}: {problem}; expected what a run has told") from problem
+            raise InputError(f"adapter replay: {path}: {problem}; expected a log as written") from problem
         return Desk(senses, channels, charge.period / self.pace)
 
 
