@@ -286,7 +286,7 @@ def test_nothing_is_shown_that_the_page_of_promises_does_not_place() -> None:
 
 #: Modules on the page of the reference whose values functions of `swarmsim` return.
 RETURNED = {
-    "swarmsim.api.verification", "swarmsim.fleet.radios", "swarmsim.network.report", "swarmsim.studies.comparison",
+    "swarmsim.api.verification", "swarmsim.network.radios", "swarmsim.network.report", "swarmsim.studies.comparison",
     "swarmsim.studies.expectations.verdicts", "swarmsim.studies.sizing_report", "swarmsim.core.scenario.expect",
 }  # fmt: skip
 
