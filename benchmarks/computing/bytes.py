@@ -20,8 +20,8 @@ from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Senses
 from swarmsim.engine.build import build
 from swarmsim.jobs.facts.wire import Fact, Facts
+from swarmsim.jobs.onlooker import ObservedJob
 from swarmsim.jobs.reports import REPORT, STATE
-from swarmsim.jobs.runtime import Lockstep
 
 NETWORKS = {
     f"{name}, loss {loss:g}": (f"network.topology={{{topology}}}", f"network.channel.loss={loss}")
@@ -36,9 +36,9 @@ NAMES = {REPORT: "reports", STATE: "states"}
 class Causes:
     """Bytes by cause, from what each robot says."""
 
-    def __init__(self, job: Lockstep) -> None:
+    def __init__(self, job: ObservedJob) -> None:
         self.bytes: Counter[str] = Counter()
-        self._job, self._say, self._once = job, job.say, set[tuple[int, int, int, int]]()
+        self._job, self._say, self._once = job.inner, job.say, set[tuple[int, int, int, int]]()
         job.say = self.say  # type: ignore[method-assign]
 
     def say(self, senses: Senses) -> Broadcast[Facts]:
@@ -77,7 +77,7 @@ def one_run(network: str, seed: int) -> tuple[int, float, dict[str, float]]:
     (job,) = run.simulation.parts.computation._jobs.values()
     causes, watch = Causes(job), Watch()
     ended = run.simulation.run([watch])
-    plan = job._plan
+    plan = job.inner.plan
     least = plan.keys.value * sum(len(piece.rim) for piece in plan.pieces) * SWEEPS * LEVELS
     assert sum(causes.bytes.values()) == watch.sent
     return watch.iterations if ended else np.nan, least, dict(causes.bytes)

@@ -128,7 +128,7 @@ class Shared(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     The robot that computed a piece last, its holder, goes on with it. `copies` other robots, or all that hear of them,
     keep each piece's state from the start of a level. Once a piece has been silent for `patience` iterations, and one
-    more for each nearer robot with a copy, a robot with a copy goes on with it, and copies are made anew.
+    more for each length of the piece between them, a robot with a copy goes on with it, and copies are made anew.
 
     With `fence = "data"` a step waits for what it reads, however long, so the answer is the same on every network.
     With `fence = "clock"` a step is done in each exchange, with the newest values there are.

@@ -42,7 +42,7 @@ class Peer:
         self._router = Router(plan, me, rounds)
         self.worker, self._helper = Worker(plan, processor), Helper(plan, me, processor)
         self._offered: dict[int, tuple[int, int, int]] = {}  # step, next exchange and pause, by piece
-        self._lacked: dict[tuple[int, int], int] = {}  # iteration in which a lack was first noticed
+        self._lacked: dict[int, tuple[int, int]] = {}  # the step that others lack, and since when, by piece
         self._heard_at = 0  # the last iteration in which it heard anybody
         self._room, self._near = math.inf, set[int]()  # bytes for what is not of these pieces, in this exchange
         #: x, y in m: where it believes to be.
@@ -92,7 +92,7 @@ class Peer:
             found.append(fact)
             if fact.kind == REPORT:
                 news = self._claims.news[fact.key]
-                news.said = news.report
+                news.said, news.when = news.report, clock
             elif fact.kind == SHOW:
                 self._router.said(fact, clock)
             else:
@@ -117,7 +117,7 @@ class Peer:
 
     def _wanted(self, now: int, clock: int) -> Iterator[Fact]:
         """All that it would say, the most urgent first: reports, values, states."""
-        for who, news in self._claims.due(now, self._every):
+        for who, news in self._claims.due(now, clock, self._every):
             yield news.report.fact(who, news.hops)
         yield from self._router.wanted(self.worker, self._claims, now, clock)
         for piece in sorted(self.worker.threads):
@@ -136,15 +136,22 @@ class Peer:
         enough = self._plan.keys.copies != "all" and self._keepers(piece, step, now) >= self._plan.keys.copies
         return not enough and clock >= self._offered[piece][1]
 
-    def _keepers(self, piece: int, step: int, now: int, better: bool = False) -> int:
-        """How many others keep a state of a piece no older than a step; with `better`, of those before it in line."""
-        holders = {who for who, *_ in self._claims.of(piece, now)}
+    def _keepers(self, piece: int, step: int, now: int, first: bool = False) -> int:
+        """How many others keep a state of a piece no older than a step; with `first`, of those before it in line."""
         mine = (self._me - piece) % self._plan.robots
-        return sum(
-            kept >= step and who != self._me and who not in holders
-            and (not better or (who - piece) % self._plan.robots < mine)
-            for who, kept in self._claims.keeping(piece, now)
-        )  # fmt: skip
+        return sum(kept >= step and not (first and place > mine) for kept, place in self._others(piece, now))
+
+    def _others(self, piece: int, now: int) -> Iterator[tuple[int, int]]:
+        """The copies that others keep of a piece and do not compute it: their steps, and the robots' places in line."""
+        holders = {self._me, *(who for who, *_ in self._claims.of(piece, now))}
+        its = ((who, kept) for who, kept in self._claims.keeping(piece, now) if who not in holders)
+        return ((kept, (who - piece) % self._plan.robots) for who, kept in its)
+
+    def _before_me(self, piece: int, now: int, latest: int) -> int:
+        """How many others have a newer copy of a piece that is not later than a step, or come first with the same."""
+        found, place = self.worker.copies.before(piece, latest), (self._me - piece) % self._plan.robots
+        mine = -1 if found is None else found[0]
+        return sum((mine, -place) < (kept, -its) and kept <= latest for kept, its in self._others(piece, now))
 
     # --- hearing
 
@@ -159,7 +166,7 @@ class Peer:
         self._take_over(now, clock)
         self._help(now, clock)
         if self._plan.keys.fence == "data":
-            self.worker.log.forget(self._horizon())
+            self.worker.log.forget(self._horizon(now))
 
     def _make_room(self) -> None:
         """Count the memory that is left beside what its own pieces need."""
@@ -177,7 +184,7 @@ class Peer:
         return True
 
     def _hear_report(self, fact: Fact, now: int, clock: int) -> None:
-        if fact.key != self._me:
+        if fact.key != self._me and not self._claims.older(fact):
             self._claims.note(fact.key, Report.of(fact), min(fact.robot + 1, MOST_HOPS), now)
 
     def _hear_value(self, fact: Fact, now: int, clock: int) -> None:
@@ -213,29 +220,36 @@ class Peer:
         copies = self._plan.keys.copies
         for piece in self.worker.copies.pieces() if copies != "all" else ():
             newest = self.worker.copies.newest(piece)
-            if piece not in self.worker.threads and self._keepers(piece, newest, now, better=True) >= int(copies):
+            if piece not in self.worker.threads and self._keepers(piece, newest, now, first=True) >= int(copies):
                 self.worker.copies.drop(piece)
 
-    def _horizon(self) -> int:
+    def _horizon(self, now: int) -> int:
         """The step before which nobody needs values any more: a level before the slowest piece's."""
         pieces = range(len(self._plan.pieces))
         kept = [step for piece in pieces if (step := self._claims.kept(piece)) > 0]
+        present = self._claims.present(now)
         own = [thread.step for thread in (*self.worker.threads.values(), *self.worker.again.values())]
-        slowest = min([*map(self._claims.newest, pieces), *own])
+        slowest = min([*(present.get(piece, 0) for piece in pieces), *own])
         return min(self._plan.level_of(slowest) - self._plan.job.level, *kept, self._plan.steps)
 
     # --- taking over
 
     def _take_over(self, now: int, clock: int) -> None:
         """Go on with pieces of which nothing is heard, and compute values once more that are lacked for long."""
+        horizon = self._horizon(now)
         for piece in self.worker.copies.pieces():
             wait = self._plan.keys.patience + int(self._far(piece) * self._plan.cell / self._plan.reach[piece])
             active = [claim.step for who, claim, _ in self._claims.of(piece, now) if who != self._me]
             if piece not in self.worker.threads and self._orphaned(piece, active, wait, now):
                 self._resume(self.worker.threads, piece, self._plan.steps, self._plan.steps, clock)
             elif self._plan.keys.fence == "data" and piece not in self.worker.again:
-                lacked = self._lack(piece, active, now)
-                if lacked is not None and now - self._lacked.setdefault((piece, lacked), now) > wait:
+                lacked = self._lack(piece, active, horizon, now)  # what is older would be forgotten at once
+                if lacked is None:
+                    self._lacked.pop(piece, None)
+                    continue
+                if self._lacked.get(piece, (-1, 0))[0] != lacked:
+                    self._lacked[piece] = lacked, now
+                if now - self._lacked[piece][1] > wait * (1 + self._before_me(piece, now, lacked)):
                     self._resume(self.worker.again, piece, lacked, lacked, clock)
 
     def _orphaned(self, piece: int, active: list[int], wait: int, now: int) -> bool:
@@ -258,8 +272,8 @@ class Peer:
             goal = min(newest + KEPT * self._plan.job.level, self._plan.steps)
             self._resume(self.worker.again, piece, newest, goal, clock)
 
-    def _lack(self, piece: int, active: list[int], now: int) -> int | None:
-        """The first step to which others need what a piece shows, and that this robot comes to before all others.
+    def _lack(self, piece: int, active: list[int], since: int, now: int) -> int | None:
+        """The first step from `since` on to which others need what a piece shows, and this robot comes before them.
 
         Who is on the way to it from an earlier step than this robot's copy may itself lack what nobody has any more.
         """
@@ -267,7 +281,7 @@ class Peer:
             claim.step
             for reader in self._plan.readers[piece]
             for _, claim, _ in self._claims.of(reader, now)
-            if claim.step < self._plan.steps and not claim.has >> self._plan.bit(reader, piece) & 1
+            if since <= claim.step < self._plan.steps and not claim.has >> self._plan.bit(reader, piece) & 1
             and self.worker.log.get(piece, claim.step, reader) is None
         ]  # fmt: skip
         found = ((step, self.worker.copies.before(piece, step)) for step in sorted(set(needed)))
@@ -281,6 +295,5 @@ class Peer:
         if found is None or not self._fits(self._plan.need(piece)):
             return
         step, state = found
-        self.worker.counts.taken += 1
-        self.worker.counts.redone += max(0, self._claims.newest(piece) - step)
-        self.worker.begin(where, piece, step, state, goal, clock)
+        self.worker.counts.taken += where is self.worker.threads
+        self.worker.begin(where, piece, step, state, goal, clock, known=self._claims.newest(piece))

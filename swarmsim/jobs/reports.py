@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple, Self
@@ -24,6 +24,9 @@ class PieceClaim(NamedTuple):
     step: int
     far: int = 0  # cells, from the robot to the piece
     has: int = 0  # bit i: it knows what the piece's joint i shows to this step
+
+
+Holding = tuple[int, PieceClaim, int]  # a robot, what it claims of a piece, and the hops to it
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +72,8 @@ class News:
     report: Report
     hops: int
     seen: int  # the iteration in which it was news
-    said: Report = Report(NEVER, {}, {})  # that was last passed on
+    said: Report = Report(NEVER, {}, {})  # that was last passed on ...
+    when: int = NEVER  # ... in this exchange
 
 
 class Hearsay:
@@ -81,18 +85,22 @@ class Hearsay:
         self._last: dict[int, int] = {}  # iteration of the last news, by piece
         self._newest: dict[int, int] = {}  # the highest step heard of, by piece
         self._kept: dict[int, int] = {}  # the same of copies
+        self._sorted: tuple[int, dict[int, list[Holding]]] | None = None  # what `of` gives in an iteration, by piece
+
+    def older(self, fact: Fact) -> bool:
+        """Whether a report is known already, over as few hops, or a newer one."""
+        known = self.news.get(fact.key)
+        return known is not None and (fact.version, -fact.robot) <= (known.report.beat, 1 - known.hops)
 
     def note(self, who: int, report: Report, hops: int, now: int) -> None:
         """Take in what a robot said of itself; older reports change nothing."""
         known = self.news.get(who)
-        if known is None:
-            self.news[who] = News(report, hops, now)
-        elif report.beat > known.report.beat:
-            self.news[who] = News(report, hops, now, known.said)
-        else:
-            if report.beat == known.report.beat:
-                known.hops = min(hops, known.hops)
+        if known is not None and report.beat <= known.report.beat:
+            if report.beat == known.report.beat and hops < known.hops:
+                self._sorted, known.hops = None, hops
             return
+        said = (known.said, known.when) if known is not None else ()
+        self._sorted, self.news[who] = None, News(report, hops, now, *said)
         for piece, claim in report.claims.items():
             self._last[piece] = now
             self._newest[piece] = max(claim.step, self._newest.get(piece, 0))
@@ -101,6 +109,7 @@ class Hearsay:
 
     def wake(self, now: int) -> None:
         """Count all news as of now."""
+        self._sorted = None
         self._last = dict.fromkeys(self._last, now)
         for news in self.news.values():
             news.seen = now
@@ -109,11 +118,18 @@ class Hearsay:
         """The robots that are not silent."""
         return ((who, news) for who, news in self.news.items() if now - news.seen <= self._patience)
 
-    def of(self, piece: int, now: int) -> Iterator[tuple[int, PieceClaim, int]]:
+    def of(self, piece: int, now: int) -> Sequence[Holding]:
         """The robots that compute a piece and are not silent, with their hops."""
-        for who, news in self.fresh(now):
-            if piece in news.report.claims:
-                yield who, news.report.claims[piece], news.hops
+        return self._by_piece(now).get(piece, ())
+
+    def _by_piece(self, now: int) -> dict[int, list[Holding]]:
+        if self._sorted is None or self._sorted[0] != now:
+            found: dict[int, list[Holding]] = {}
+            for who, news in self.fresh(now):
+                for piece, claim in news.report.claims.items():
+                    found.setdefault(piece, []).append((who, claim, news.hops))
+            self._sorted = now, found
+        return self._sorted[1]
 
     def keeping(self, piece: int, now: int) -> Iterator[tuple[int, int]]:
         """The robots that keep a copy of a piece and are not silent, with its step."""
@@ -125,6 +141,11 @@ class Hearsay:
         """The highest step that anybody was heard to have reached; 0 without news."""
         return self._newest.get(piece, 0)
 
+    def present(self, now: int) -> dict[int, int]:
+        """The highest step of each piece at which a robot computes it that is not silent; without one, of all."""
+        its = self._by_piece(now).items()
+        return self._newest | {piece: max(claim.step for _, claim, _ in holdings) for piece, holdings in its}
+
     def kept(self, piece: int) -> int:
         """The highest step of which anybody was heard to keep a copy; 0 without news."""
         return self._kept.get(piece, 0)
@@ -133,10 +154,14 @@ class Hearsay:
         """For how many iterations there has been no news of who computes a piece."""
         return now - self._last.get(piece, 0)
 
-    def due(self, now: int, every: int) -> Iterator[tuple[int, News]]:
-        """What is to be passed on: steps that have changed, and signs of life `every` so many exchanges."""
+    def due(self, now: int, clock: int, every: int) -> Iterator[tuple[int, News]]:
+        """What is to be passed on: steps that have changed, and signs of life `every` so many exchanges.
+
+        If nothing newer has come by then, the same is said again: said once, news over h hops would get through with
+        the h-th power of the chance of one.
+        """
         for who, news in self.fresh(now):
             report = news.report
-            alive = report.beat - news.said.beat >= every and (report.claims or report.keeps)
-            if report.beat >= 0 and (alive or not report.like(news.said)):
+            again = report.beat - news.said.beat >= every or clock - news.when > every
+            if report.beat >= 0 and (not report.like(news.said) or (again and (report.claims or report.keeps))):
                 yield who, news

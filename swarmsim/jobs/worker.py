@@ -20,6 +20,7 @@ class Thread:
     state: Values
     since: int  # the exchange of its last step
     goal: int  # the step at which it ends
+    known: int = 0  # the step that somebody was heard to have reached when it began
     done: float = 0.0  # operations of its next step
     late: int = 0  # exchanges in which its next step could be done but for the processor
 
@@ -48,9 +49,12 @@ class Worker:
         self.again: dict[int, Thread] = {}
         self.copies, self.log, self.counts = Copies(), Log(), Counts()
 
-    def begin(self, where: dict[int, Thread], piece: int, step: int, state: Values, goal: int, clock: int) -> None:
+    def begin(
+        self, where: dict[int, Thread], piece: int, step: int, state: Values, goal: int, clock: int, known: int = 0
+    ) -> None:
+        """Compute a piece from a state on; what others were heard to have done of it counts as done once more."""
         state.setflags(write=False)
-        where[piece] = Thread(step, state, clock, goal)
+        where[piece] = Thread(step, state, clock, goal, known)
         self._reached(piece, step, state)
 
     def _reached(self, piece: int, step: int, state: Values) -> None:
@@ -97,6 +101,7 @@ class Worker:
         thread.state = self._plan.stepped(piece, thread.state, parts, thread.step)
         thread.step += 1
         self.counts.steps += 1
+        self.counts.redone += thread.step <= thread.known
         self.counts.waited += max(0.0, waited)
         self.counts.work += self._plan.work[piece]
         thread.since, thread.done, thread.late = clock, 0.0, 0

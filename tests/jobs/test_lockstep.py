@@ -15,6 +15,7 @@ from swarmsim.core.readings import Readings
 from swarmsim.core.state import Senses
 from swarmsim.jobs.alone import alone
 from swarmsim.jobs.facts.wire import Facts
+from swarmsim.jobs.reports import Hearsay, PieceClaim, Report
 from swarmsim.jobs.runtime import Lockstep
 from swarmsim.network.channel import letters
 
@@ -187,6 +188,52 @@ def test_both_halves_of_a_swarm_go_on_until_they_find_together_again() -> None:
     taken = Swarm(Heat(**LONG), 8, topology=parted, deaths={11: [3]}).run()
     assert taken.exact
     assert taken.parcel.counts[:, 2].sum() > 1  # pieces were taken over in both halves
+
+
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_after_a_death_no_more_is_done_again_than_since_the_last_copy(seed: int) -> None:
+    channel = {"use": "bernoulli", "loss": 0.1}
+    job, deaths = Heat(parts=6, level=10, steps=100), {48: [0]}
+    swarm = Swarm(job, 6, topology="wide ring", channel=channel, deaths=deaths, seed=seed).run()
+    steps, redone = swarm.parcel.counts[:, 0].sum() - 6 * job.steps, swarm.parcel.counts[:, 3].sum()
+    assert swarm.exact
+    assert 0 < redone <= steps <= 2 * job.level  # two robots at most go on with the piece before they hear each other
+
+
+def test_who_has_the_newest_copy_computes_again_what_others_lack() -> None:
+    """Robot 1 lacks what piece 0, of which robot 0 is at step 18, shows to step 17; robots 2 and 3 keep copies."""
+    begun = {}
+    for robot, own, other in ((2, 10, 15), (3, 15, 10)):
+        runtime = Swarm(Heat(parts=4, **LONG), 4).runtime
+        peer, state = runtime._parts[robot], runtime._start(0)
+        for step in (own - 5, own):
+            peer.worker.copies.put(0, step, state)
+        for now in range(60):
+            reports = {0: Report(now, {0: PieceClaim(18)}, {}), 1: Report(now, {1: PieceClaim(17)}, {})}
+            reports[5 - robot] = Report(now, {}, {0: other})
+            peer.hear([report.fact(who, 1) for who, report in reports.items()], now, now)
+            if 0 in peer.worker.again:
+                begun[robot] = now, peer.worker.again[0].step
+                break
+    assert begun[3][1] == 15
+    assert begun[2][0] >= begun[3][0] + 6  # a patience later, should the other one not come to it
+
+
+def test_news_gets_over_twenty_hops_though_a_third_of_the_messages_are_lost() -> None:
+    line, rng, known = [Hearsay(12) for _ in range(21)], np.random.default_rng(3), 0
+    for now in range(400):
+        line[0].note(0, Report(now, {0: PieceClaim(0)}, {}), 0, now)
+        told = []
+        for robot in line:
+            told.append(list(robot.due(now, now, 3)))
+            for _, news in told[-1]:
+                news.said, news.when = news.report, now
+        for at, robot in enumerate(line):
+            for near in (at - 1, at + 1):
+                for who, news in told[near] if 0 <= near <= 20 and rng.random() > 1 / 3 else []:
+                    robot.note(who, news.report, news.hops + 1, now)
+        known += bool(list(line[-1].of(0, now)))
+    assert known > 100  # said once by each, it got there in none of the 400 exchanges
 
 
 def test_a_robot_that_starts_again_from_nothing_brings_nothing_back() -> None:
