@@ -240,7 +240,7 @@ def _end_with_parent() -> None:
     """End this process once the process at the other end of its input has ended, for whatever reason."""
 
     def watch() -> None:
-        while sys.stdin.buffer.read(1):
+        while os.read(0, 1):  # not sys.stdin, whose lock would outlive this process's end
             pass
         os._exit(LOST)
 

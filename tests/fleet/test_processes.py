@@ -191,8 +191,11 @@ def test_strangers_on_the_channel_are_counted_and_a_number_belongs_to_one() -> N
 
 def test_messages_longer_than_a_frame_are_refused_before_the_run() -> None:
     fleet = fleet_of(ROOT / "scenarios" / "operations" / "formation.toml", iterations=2)
-    with pytest.raises(InputError, match=r"--transport udp: takes frames of 10 bytes; these robots say 22 at once"):
+    with pytest.raises(InputError, match=r"--transport udp: takes frames of 10 bytes; these robots may say 22 at once"):
         running._check_lengths(fleet, 10, "udp")
+    sharing = 'mind.computation.sharing={use="map"}'
+    with pytest.raises(InputError, match="takes frames of 1472 bytes; these robots may say 8830 at once"):
+        running._check_lengths(fleet_of(BASILICA, sharing, iterations=2), 1472, "udp")
 
 
 def test_unknown_transports_and_addresses_are_refused_in_words() -> None:

@@ -190,6 +190,8 @@ class TileCodec:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._shape = shape
+        #: Bytes of the longest message.
+        self.longest = current_tile_bytes(*shape)
 
     def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
         """The message with its one tile."""
@@ -206,6 +208,8 @@ class GoalCodec:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._tile = TileCodec(shape)
+        #: Bytes of the longest message.
+        self.longest = self._tile.longest + GOAL.size
 
     def pack(self, sender: int, iteration: int, items: GoalItems) -> bytes:
         """The message with its one tile and goal."""
@@ -253,6 +257,8 @@ class MapCodec:
     def __init__(self, shape: tuple[int, int], grid: tuple[int, int]) -> None:
         """`shape` of the tiles and of the whole `grid`, in rows and columns."""
         self._shape, self._grid = shape, grid
+        #: Bytes of the longest message: a map in which all is known.
+        self.longest = MAP.size + packed_bytes(grid[0] * grid[1])
 
     def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
         """The message with the smallest rectangle that holds all known cells."""
