@@ -69,7 +69,7 @@ class Up:
         pids = {str(robot): pid for robot, pid in sorted((self.processes.pids or self.lines.pids).items())}
         free = self.free
         pace = {} if free is None else {
-            "iterations": free.iterations, "late": free.late, "slipped": round(free.slipped, 3),
+            "iterations": free.iterations, "late": free.late, "behind": free.behind, "slipped": round(free.slipped, 3),
             "missed": {str(robot): count for robot, count in sorted(free.missed.items())},
         }  # fmt: skip
         return {"robots": pids, **pace, "dropped": dict(sorted(self.lines.counts.items()))}
