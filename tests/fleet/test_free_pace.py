@@ -93,7 +93,12 @@ def test_with_real_links_each_listens_to_the_nearest_that_it_hears(tmp_path: Pat
 @pytest.mark.parametrize(
     ("overrides", "told"),
     [
-        (['faults=[{use="radio", failure="off", at=3}]'], r"faults\[0\]: the radio's failure is simulated; with --lin"),
+        (['faults=[{use="radio", failure="off", at=3}]'], r"faults\[0\]: radio off acts on simulated links alone"),
+        (
+            ['faults=[{use="byzantine", failure="free", at=3}]'],
+            r"faults\[0\]: byzantine free acts on simulated links al",
+        ),
+        (['faults=[{use="mind", failure="reboot", at=3}]'], r"faults\[0\]: mind reboot acts on simulated links alone"),
         (
             ['network.channel={use="bernoulli", loss=0.2}'],
             "network.channel.use: 'bernoulli' is simulated; with --links",
