@@ -9,7 +9,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import Broadcast, Codec, FrameError, Inbox, MessageBatch
+from swarmsim.core.messages import Broadcast, Codec, FrameError, Inbox, MessageBatch, longest_of
 
 MOST: Final = 256  # kinds, which a byte tells apart
 
@@ -67,6 +67,8 @@ class KindCodec:
     def __init__(self, codecs: Mapping[int, Codec[MessageBatch]], kinds: NDArray[np.uint8]) -> None:
         """The `codecs` are by kind; `kinds` (N,) gives the kind of each robot's messages."""
         self._codecs, self._kinds = codecs, kinds
+        #: Bytes of the longest message; 0 if one kind does not tell.
+        self.longest: int = 1 + max(each) if all(each := [longest_of(one) for one in codecs.values()]) else 0
 
     def pack(self, sender: int, iteration: int, items: Mixed) -> bytes:
         """One message. Raises ValueError for items whose kind is not their sender's."""

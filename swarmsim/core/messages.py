@@ -155,6 +155,12 @@ class Codec(Protocol[C]):
         ...
 
 
+def longest_of(codec: Codec[Any]) -> int:
+    """The bytes of the longest message that a codec packs, if it tells in its `longest`; else 0."""
+    found = getattr(codec, "longest", 0)
+    return found if isinstance(found, int) else 0
+
+
 class PlainCodec(Generic[C]):
     """One item per message: the header, then the item's fields in order, big-endian."""
 
@@ -164,6 +170,7 @@ class PlainCodec(Generic[C]):
         self._columns = [(column.dtype.newbyteorder(">"), column.shape[1:]) for column in example.arrays()]
         #: Bytes of every message.
         self.size: int = HEADER.size + sum(kind.itemsize * int(np.prod(shape)) for kind, shape in self._columns)
+        self.longest = self.size
 
     def pack(self, sender: int, iteration: int, items: C) -> bytes:
         """One message; raises ValueError unless it has one item."""

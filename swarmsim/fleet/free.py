@@ -48,8 +48,10 @@ class FreeEnd:
         self._newest = [-1] * len(lines.charges)  # the iteration of the newest of these and all before
         #: The robots that are ready; what is told to others would be lost.
         self.ready: set[int] = set()
-        #: Iterations, those that began late, and by how much in all (s).
-        self.iterations, self.late, self.slipped = 0, 0, 0.0
+        #: Iterations, and those at whose end a robot had not decided.
+        self.iterations, self.late = 0, 0
+        #: Iterations that the world began more than _SLACK too late, and by how much in all (s).
+        self.behind, self.slipped = 0, 0.0
         #: By robot, how often it had not decided when an iteration ended.
         self.missed = Counter[int]()
 
@@ -96,7 +98,9 @@ class FreeEnd:
         self._told = [0] * len(self._deeds)
         came, self._deeds = self._deeds, [[] for _ in self._deeds]
         poses = [one.pose for one in self._sensed]
-        self.missed.update(robot for robot in self.ready if self._newest[robot] < now)
+        missed = [robot for robot in self.ready if self._newest[robot] < now]
+        self.late += bool(missed)
+        self.missed.update(missed)
         return self._dog.taken(now, poses, came)
 
     @property
@@ -123,7 +127,7 @@ class FreeEnd:
         now = time.monotonic()
         over = now - self._due if self.iterations > 1 else 0.0
         if over > _SLACK * self._lines.terms.period:
-            self.late += 1
+            self.behind += 1
             self.slipped += over
         elif self.iterations > 1:
             return self._due

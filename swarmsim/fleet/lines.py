@@ -10,8 +10,7 @@ from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import FrameError
 from swarmsim.fleet import wire
-from swarmsim.fleet.robot_process import FROM_ROBOTS, from_world
-from swarmsim.fleet.terms import Terms
+from swarmsim.fleet.terms import FROM_ROBOTS, Terms, from_world
 from swarmsim.fleet.transport import LinkError, RobotLink
 from swarmsim.fleet.wire import Telegram
 

@@ -62,8 +62,9 @@ def nearest_of(scenario: Scenario, minds: RemoteMinds) -> int:
     """How many of those that it hears a robot listens to; 0: all. Raises InputError for what real links cannot have."""
     network = scenario.network
     for number, one in enumerate(scenario.faults):
-        if one.use == "radio":
-            raise InputError(f"faults[{number}]: the radio's failure is simulated; {_WHERE}")
+        failure = one.declares("failure", "")
+        if one.use in ("radio", "byzantine") or failure == "reboot":
+            raise InputError(f"faults[{number}]: {one.use} {failure} acts on simulated links alone; {_WHERE}")
     if network.channel.use != "perfect":
         raise InputError(f"network.channel.use: {network.channel.use!r} is simulated; {_WHERE}")
     nearest = network.topology.declares("k", 0)

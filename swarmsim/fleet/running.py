@@ -13,7 +13,7 @@ import msgspec
 
 from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.messages import FrameError
+from swarmsim.core.messages import FrameError, longest_of
 from swarmsim.core.parts import Parts
 from swarmsim.core.robot import warm
 from swarmsim.core.scenario import registry
@@ -69,7 +69,7 @@ class Up:
         pids = {str(robot): pid for robot, pid in sorted((self.processes.pids or self.lines.pids).items())}
         free = self.free
         pace = {} if free is None else {
-            "iterations": free.iterations, "late": free.late, "slipped": round(free.slipped, 3),
+            "iterations": free.iterations, "late": free.late, "behind": free.behind, "slipped": round(free.slipped, 3),
             "missed": {str(robot): count for robot, count in sorted(free.missed.items())},
         }  # fmt: skip
         return {"robots": pids, **pace, "dropped": dict(sorted(self.lines.counts.items()))}
@@ -217,10 +217,11 @@ def started(fleet: Fleet, crew: FreeEnd | LoggedEnd, faults: RealFaults, seen: C
 
 
 def _check_lengths(fleet: Fleet, mtu: int, transport: str) -> None:
-    """Raise InputError for messages that are known to be longer than the transport's frames."""
-    size = getattr(fleet.minds.codec, "size", 0)
-    if isinstance(size, int) and size > mtu:
-        raise InputError(f"--transport {transport}: takes frames of {mtu} bytes; these robots say {size} at once")
+    """Raise InputError for messages that may be longer than the transport's frames."""
+    if (longest := longest_of(fleet.minds.codec)) > mtu:
+        raise InputError(
+            f"--transport {transport}: takes frames of {mtu} bytes; these robots may say {longest} at once"
+        )
 
 
 def _free_port() -> int:

@@ -217,3 +217,6 @@ class Switch:
             self._pipes.remove(pipe)
             self._selector.unregister(pipe.connection)
             pipe.end() if gently else pipe.connection.close()
+            if self._listening is None:  # a robot's only one
+                for box in [one for boxes in self._boxes.values() for one in boxes]:
+                    box.end(f"transport udp: {self._place} has gone")

@@ -12,7 +12,7 @@ from fleet.places import transport
 from swarmsim.core.scenario.file import load
 from swarmsim.fleet import running
 from swarmsim.fleet.processes import Processes
-from swarmsim.fleet.robot_process import RobotProcess
+from swarmsim.fleet.robot_end import RobotEnd
 from swarmsim.fleet.running import Fleet, Up
 from swarmsim.fleet.terms import Links
 from swarmsim.fleet.transport import WORLD
@@ -33,13 +33,13 @@ def _limit(iterations: int | None) -> list[str]:
 
 
 @contextmanager
-def in_threads(fleet: Fleet, place: str, logs: Path | None = None) -> Iterator[tuple[Up, list[RobotProcess]]]:
+def in_threads(fleet: Fleet, place: str, logs: Path | None = None) -> Iterator[tuple[Up, list[RobotEnd]]]:
     """A fleet over `memory` whose robots are threads of this process."""
     charges = fleet.charges()
     with closing(transport("memory").open(place, WORLD)) as world:
         links = [transport("memory").open(place, number) for number in range(len(charges))]
         log = [None if logs is None else logs / f"robot-{number}.log" for number in range(len(charges))]
-        robots = [RobotProcess(link, number, log[number]) for number, link in enumerate(links)]
+        robots = [RobotEnd(link, number, log[number]) for number, link in enumerate(links)]
         threads = [threading.Thread(target=one.run) for one in robots]
         for one in threads:
             one.start()

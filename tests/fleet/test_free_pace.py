@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import defaultdict
 from dataclasses import replace
@@ -16,15 +17,21 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from fleet.crews import free_fleet, in_threads
-from fleet.places import until
+from fleet.places import free, transport, until
 
 import swarmsim as sw
 from swarmsim.api.fleets import pace_of, strikes
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Ends, Lost, Regained
 from swarmsim.core.robot import Deed, idle
+from swarmsim.fleet import wire
 from swarmsim.fleet.diaries import lives
+from swarmsim.fleet.lines import RobotLines
+from swarmsim.fleet.logbook import entries
+from swarmsim.fleet.robot_process import RobotAsked
+from swarmsim.fleet.robot_process import run as robot_run
 from swarmsim.fleet.terms import PATIENCE
+from swarmsim.fleet.transport import WORLD
 from swarmsim.fleet.watchdog import Watchdog
 
 ROOM = ROOT / "scenarios" / "room.toml"
@@ -86,7 +93,12 @@ def test_with_real_links_each_listens_to_the_nearest_that_it_hears(tmp_path: Pat
 @pytest.mark.parametrize(
     ("overrides", "told"),
     [
-        (['faults=[{use="radio", failure="off", at=3}]'], r"faults\[0\]: the radio's failure is simulated; with --lin"),
+        (['faults=[{use="radio", failure="off", at=3}]'], r"faults\[0\]: radio off acts on simulated links alone"),
+        (
+            ['faults=[{use="byzantine", failure="free", at=3}]'],
+            r"faults\[0\]: byzantine free acts on simulated links al",
+        ),
+        (['faults=[{use="mind", failure="reboot", at=3}]'], r"faults\[0\]: mind reboot acts on simulated links alone"),
         (
             ['network.channel={use="bernoulli", loss=0.2}'],
             "network.channel.use: 'bernoulli' is simulated; with --links",
@@ -160,7 +172,7 @@ def test_processes_are_killed_and_paused(tmp_path: Path) -> None:
     assert moved[:15].max() > 0.05
     assert sw.open(tmp_path / "run").verify().equal  # by its logs, the world goes the same way again
     told = json.loads((tmp_path / "run" / "fleet.json").read_text())
-    assert told["late"] <= told["iterations"] == 40
+    assert told["behind"] <= told["iterations"] == 40
     assert told["robots"].keys() == {"0", "1", "2"}
 
 
@@ -222,3 +234,35 @@ def test_options_stand_for_faults_in_words() -> None:
     assert pace_of("2.5") == 2.5
     with pytest.raises(InputError, match="--pace fast: expected lockstep, or how many times real time"):
         pace_of("fast")
+
+
+def joined(link, count: int = 1) -> RobotLines:
+    """A world that robots join, until they are ready."""
+    fleet = free_fleet(ROOM, pace=10.0, iterations=3)
+    lines, ready = RobotLines(link, fleet.charges(), fleet.terms), 0
+    while ready < count:
+        for telegram in lines.heard(5.0):
+            if telegram.kind == wire.JOIN:
+                lines.admit(telegram)
+            ready += telegram.kind == wire.READY
+    return lines
+
+
+def test_a_robot_ends_with_its_world_or_waits_for_another_one(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    place, codes, udp = free(), dict[str, int](), transport("udp")
+    for after, id_ in (("end", 0), ("wait", 1)):
+        asked = RobotAsked(transport="udp", join=place, id=id_, log=tmp_path / f"{id_}.log", after_world=after)
+        threading.Thread(target=lambda asked=asked: codes.update({asked.after_world: robot_run(asked)})).start()
+    first = udp.open(place, WORLD)
+    joined(first, 2)
+    first.close()  # without a word, as if it had died
+    assert until(lambda: codes == {"end": 3}) < 0.5  # a period of this world is 0.1 s
+    assert "has gone" in capfd.readouterr().err
+    second = udp.open(place, WORLD)
+    joined(second).end()
+    until(lambda: codes == {"end": 3, "wait": 0})
+    second.close()
+    kinds = [entry.kind for entry in entries(tmp_path / "1.log")]
+    assert kinds.count(wire.CHARGE) == 2  # its log goes on

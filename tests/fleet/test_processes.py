@@ -25,8 +25,8 @@ from swarmsim.fleet import running, wire
 from swarmsim.fleet.lines import RobotLines
 from swarmsim.fleet.lockstep import LockstepEnd
 from swarmsim.fleet.opening import opened
-from swarmsim.fleet.robot_process import FROM_ROBOTS, RobotProcess
-from swarmsim.fleet.terms import Terms
+from swarmsim.fleet.robot_end import RobotEnd
+from swarmsim.fleet.terms import FROM_ROBOTS, Terms
 from swarmsim.fleet.transport import WORLD, LinkError
 from swarmsim.fleet.wire import Telegram
 from swarmsim.operations.mapping.sharing.codecs import TileCodec
@@ -151,7 +151,7 @@ def test_what_the_air_loses_is_told_again_so_that_the_run_stays_the_same() -> No
     world = transport("memory").open(place, WORLD)
     lines = RobotLines(world, charges, Terms())
     crew = LockstepEnd(lines, NOTHING, fleet.minds.frame)
-    robots = [RobotProcess(Deaf(transport("memory").open(place, number)), number) for number in range(ROBOTS)]
+    robots = [RobotEnd(Deaf(transport("memory").open(place, number)), number) for number in range(ROBOTS)]
     threads = [threading.Thread(target=one.run) for one in robots]
     for one in threads:
         one.start()
@@ -191,15 +191,18 @@ def test_strangers_on_the_channel_are_counted_and_a_number_belongs_to_one() -> N
 
 def test_messages_longer_than_a_frame_are_refused_before_the_run() -> None:
     fleet = fleet_of(ROOT / "scenarios" / "operations" / "formation.toml", iterations=2)
-    with pytest.raises(InputError, match=r"--transport udp: takes frames of 10 bytes; these robots say 22 at once"):
+    with pytest.raises(InputError, match=r"--transport udp: takes frames of 10 bytes; these robots may say 22 at once"):
         running._check_lengths(fleet, 10, "udp")
+    sharing = 'mind.computation.sharing={use="map"}'
+    with pytest.raises(InputError, match="takes frames of 1472 bytes; these robots may say 8830 at once"):
+        running._check_lengths(fleet_of(BASILICA, sharing, iterations=2), 1472, "udp")
 
 
 def test_unknown_transports_and_addresses_are_refused_in_words() -> None:
     with pytest.raises(InputError, match="no transport is called 'pigeons'"):
         opened("pigeons", "127.0.0.1:7447", 0)
     with pytest.raises(InputError, match="nobody answers at"):
-        RobotProcess(transport("udp", patience=0.2).open(free(), 1), 1)
+        RobotEnd(transport("udp", patience=0.2).open(free(), 1), 1)
 
 
 def test_a_charge_is_a_file_of_what_one_robot_is_told(tmp_path: Path) -> None:

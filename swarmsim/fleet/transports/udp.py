@@ -21,7 +21,8 @@ from swarmsim.fleet.transport import WORLD
 _WHO: Final = "transport udp"  # in messages
 _BEACON: Final = struct.Struct(">4si")  # a mark, and the sender's number
 _HERE, _GONE = b"here", b"gone"
-_EVERY: Final = 0.1  # s between two beacons
+_LOOK: Final = 0.1  # s between two looks at what waits to be sent
+_BEACONS: Final = 6  # in the time of silence after which a robot counts as gone; more would take a large swarm's time
 _MOST: Final = 100_000  # robots whose beacons are kept
 _AT_ONCE: Final = 1024  # datagrams that are read from one socket before others have their turn
 _FRAMING: Final = 28 + 8 + 28  # bytes: UDP and IP, LLC, and the header and checksum of IEEE 802.11
@@ -101,8 +102,8 @@ class _Station:
         while not self._ends.is_set():
             if time.monotonic() >= due:
                 self._send(_BEACON.pack(_HERE, self._robot), self._place.port + 1)
-                due = time.monotonic() + _EVERY
-            for key, _ in self._selector.select(_EVERY):
+                due = time.monotonic() + self._keys.silence / _BEACONS
+            for key, _ in self._selector.select(min(_LOOK, self._keys.silence / _BEACONS)):
                 key.data()
             self._switch.flush()
 

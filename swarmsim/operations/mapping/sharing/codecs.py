@@ -189,7 +189,7 @@ class TileCodec:
     """One robot's current tile per message."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
-        self._shape = shape
+        self._shape, self.longest = shape, current_tile_bytes(*shape)
 
     def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
         """The message with its one tile."""
@@ -206,6 +206,7 @@ class GoalCodec:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._tile = TileCodec(shape)
+        self.longest = self._tile.longest + GOAL.size
 
     def pack(self, sender: int, iteration: int, items: GoalItems) -> bytes:
         """The message with its one tile and goal."""
@@ -234,17 +235,14 @@ class RelayCodec:
         """Its sender, iteration and tiles."""
         sender, iteration, origin, tile, relayed = unpack_relay(data, self._shape)
         readings = [RelayedTile(sender, iteration, 0, origin, tile), *relayed]
-        return (
-            sender,
-            iteration,
-            RelayedItems(
-                np.array([one.tile for one in readings], np.uint8),
-                np.array([one.origin for one in readings], np.int32),
-                np.array([one.source for one in readings], np.int32),
-                np.array([one.sensed for one in readings], np.int32),
-                np.array([one.hops for one in readings], np.uint8),
-            ),
+        items = RelayedItems(
+            np.array([one.tile for one in readings], np.uint8),
+            np.array([one.origin for one in readings], np.int32),
+            np.array([one.source for one in readings], np.int32),
+            np.array([one.sensed for one in readings], np.int32),
+            np.array([one.hops for one in readings], np.uint8),
         )
+        return sender, iteration, items
 
 
 class MapCodec:
@@ -253,6 +251,8 @@ class MapCodec:
     def __init__(self, shape: tuple[int, int], grid: tuple[int, int]) -> None:
         """`shape` of the tiles and of the whole `grid`, in rows and columns."""
         self._shape, self._grid = shape, grid
+        #: Bytes of the longest message: a map in which all is known.
+        self.longest = MAP.size + packed_bytes(grid[0] * grid[1])
 
     def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
         """The message with the smallest rectangle that holds all known cells."""

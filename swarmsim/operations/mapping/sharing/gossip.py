@@ -121,6 +121,8 @@ class GossipCodec:
     def __init__(self, shape: tuple[int, int], goals: bool = False) -> None:
         """`shape` of the tiles, in rows and columns; `goals`: whether robots tell theirs."""
         self._shape, self._goals = shape, goals
+        #: Bytes of the longest message.
+        self.longest = current_tile_bytes(*shape) + goals * GOAL.size + piece_bytes(*shape)
 
     def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
         """The message; its first item is the sender's own tile."""

@@ -76,6 +76,8 @@ class MergeCodec:
     def __init__(self, shape: tuple[int, int], grid: tuple[int, int]) -> None:
         """`shape` of the tiles and of the whole `grid`, in rows and columns."""
         self._shape, self._gossip, self._map = shape, GossipCodec(shape), MapCodec(shape, grid)
+        #: Bytes of the longest message.
+        self.longest = 1 + self._gossip.longest + FRAME.size + self._map.longest
 
     def pack(self, sender: int, iteration: int, items: MergeItems) -> bytes:
         """The message: a byte that says which of piece (1), link (2) and map (4) follow, then these."""
