@@ -25,13 +25,17 @@ def exported(
     map_: Path | None,
     mcap: Path | None,
     rerun: Path | None,
+    ros2: Path | None,
     robot: int | None,
     at: int | None,
     progress: Progress,
 ) -> list[Path]:
     """Write a run for other programs and return the files. `name` is the run's in messages. Raises InputError."""
-    if map_ is None and mcap is None and rerun is None:
-        raise InputError("export: nothing to write; name a file with --map, --mcap or --rerun")
+    if map_ is None and mcap is None and rerun is None and ros2 is None:
+        raise InputError("export: nothing to write; name a file with --map, --mcap, --rerun or --ros2")
+    if ros2 is not None and (ros2.exists() or ros2.suffix == ".bag"):
+        why = "exists already" if ros2.exists() else "is a name for ROS 1"
+        raise InputError(f"--ros2 {ros2}: {why}; expected a new folder, such as {ros2.stem}-bag")
     for option, path, suffix in (("--mcap", mcap, ".mcap"), ("--rerun", rerun, ".rrd")):
         if path is not None and path.suffix.lower() != suffix:
             raise InputError(f"{option} {path}: expected a name that ends in {suffix}")
@@ -46,6 +50,10 @@ def exported(
         from swarmsim.view.viewers.rerun import write_rrd
 
         written.append(_whole(recording, rerun, write_rrd, progress))
+    if ros2 is not None:
+        from swarmsim.view.viewers.ros2 import write_bag
+
+        written.append(_whole(recording, ros2, write_bag, progress))
     return written
 
 
@@ -68,7 +76,7 @@ def _map(recording: Recording, name: str, out: Path, robot: int | None, at: int 
 def _whole(
     recording: Recording, out: Path, write: Callable[[Recording, Path, Progress], None], progress: Progress
 ) -> Path:
-    """Write a file that appears whole or not at all."""
+    """Write a file, or a folder, that appears whole or not at all."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=out.parent, prefix=".export-") as folder:

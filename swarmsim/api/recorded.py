@@ -188,6 +188,7 @@ class Run:
         map_: str | Path | None = None,
         mcap: str | Path | None = None,
         rerun: str | Path | None = None,
+        ros2: str | Path | None = None,
         robot: int | None = None,
         at: int | None = None,
         allow_code: bool = False,
@@ -197,14 +198,15 @@ class Run:
 
         `map_` is a map for ROS: .yaml for map_server or .json for an OccupancyGrid, of one `robot` or of all, at the
         end of an iteration, by default the last. `mcap` is a file for Foxglove and Lichtblick, `rerun` one for the
-        Rerun viewer; `progress` is called with the iterations written and all of them. `allow_code` lets the scenario's
-        own layers be drawn, which are left out otherwise. Raises InputError for files that cannot be written,
-        PartError for layers that fail, StorageError for a full disk.
+        Rerun viewer, `ros2` a new folder with a rosbag2; `progress` is called with the iterations written and all of
+        them. `allow_code` lets the scenario's own layers be drawn, which are left out otherwise. Raises InputError for
+        files that cannot be written, PartError for layers that fail, StorageError for a full disk.
         """
         from swarmsim.api.exports import exported
 
         with registry.own_code(allow_code):
-            return exported(self.recording, str(self.path), _path(map_), _path(mcap), _path(rerun), robot, at, progress)
+            files = _path(map_), _path(mcap), _path(rerun), _path(ros2)
+            return exported(self.recording, str(self.path), *files, robot, at, progress)
 
     def report(self, out: str | Path, *, beside: Run | None = None, allow_code: bool = False) -> Path:
         """Write the page `out`, which replays the run in any browser, and return its path: `swarmsim report`.

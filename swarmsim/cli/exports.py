@@ -19,6 +19,7 @@ def export(
     ] = None,
     mcap: Annotated[Path | None, typer.Option(metavar="OUT.mcap", help="The run for Foxglove and Lichtblick.")] = None,
     rerun: Annotated[Path | None, typer.Option(metavar="OUT.rrd", help="The run for the Rerun viewer.")] = None,
+    ros2: Annotated[Path | None, typer.Option(metavar="OUT", help="The run as a rosbag2: a new folder.")] = None,
     robot: Annotated[
         int | None, typer.Option(metavar="I", help="The map's robot; by default the union of all.")
     ] = None,
@@ -31,6 +32,8 @@ def export(
     Example: swarmsim export runs/basilica-1 --map basilica.yaml --robot 3 --at 100
 
     For Foxglove: swarmsim export runs/basilica-1 --mcap basilica.mcap
+
+    For ros2 bag play and rviz: swarmsim export runs/basilica-1 --ros2 basilica-bag
     """
     from swarmsim.api.runs import open as open_run
     from swarmsim.view.layers.own import left_out
@@ -38,10 +41,10 @@ def export(
     run = open_run(recording)
     if (mcap or rerun) and not quiet and (notice := left_out(run.recording.scenario)):
         print(notice)
-    with progress_bar(quiet or (mcap is None and rerun is None)) as progress:
+    with progress_bar(quiet or (mcap is None and rerun is None and ros2 is None)) as progress:
         told = Counted(progress, "writing")
         written = run.export(
-            map_=map_, mcap=mcap, rerun=rerun, robot=robot, at=at, allow_code=allow_code, progress=told
+            map_=map_, mcap=mcap, rerun=rerun, ros2=ros2, robot=robot, at=at, allow_code=allow_code, progress=told
         )
     for path in () if quiet else written:
         print(path)

@@ -177,6 +177,10 @@ class Scene:
         """Lengths (b,) in m of a robot's beams at a shot's pose; empty without a ring."""
         return self._beams.lengths(robot, shot.pose[robot], shot.boxes, shot.people)
 
+    def reach(self, robot: int) -> float:
+        """The greatest length of a robot's beams in m; 0 without a ring."""
+        return self._beams.reach(robot)
+
     @cached_property
     def bearings(self) -> list[list[float]]:
         """The bearings of each robot's beams in rad, counter-clockwise from straight ahead; none without a ring."""

@@ -144,3 +144,17 @@ def test_a_body_on_a_desk_feels_what_the_robot_sensed(folder: Path) -> None:
 def test_a_log_of_another_robot_is_refused(folder: Path) -> None:
     with pytest.raises(InputError, match=r"adapter replay: .*log is of robot 1; expected one of robot 2"):
         desk(folder / "log", robot=2)
+
+
+def test_a_log_runs_no_code_unless_told_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.py").write_text(
+        f"import pathlib\npathlib.Path({str(tmp_path / 'ran')!r}).touch()\n"
+        "from swarmsim.operations.mapping.computation import OccupancyGrid\nMine = OccupancyGrid\n"
+    )
+    keys = {"stop.iterations": 3, "mind.computation": {"use": f"{tmp_path}/mine.py:Mine"}}
+    run = sw.run(ROOT / "scenarios" / "room.toml", out=tmp_path / "run", overrides=keys, allow_code=True)
+    assert run.replay(id_=0, out=tmp_path / "log", allow_code=True).equal
+    (tmp_path / "ran").unlink()
+    assert robot_command.main(["replay", str(tmp_path / "log")]) == robot_command.BAD_INPUT
+    assert "expected --allow-code" in capsys.readouterr().err
+    assert not (tmp_path / "ran").exists()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -128,14 +128,13 @@ class FrontierStrategy(PlannedStrategy):
 
     def _decide(self, senses: Senses, maps: Maps, rows: slice, work: scratch.Scratch) -> None:
         """Let the robots of some rows decide."""
-        plans: Any = [column[rows] for column in self._plans]
         decide.decide(
             senses.iteration + 1,  # counts from 1 here: 0 in `barred` and `shunned` means never
             senses.pose[rows],
             senses.alive[rows],
             maps.new_cells[rows],
             search.Maps(maps.log_odds[rows], maps.observed[rows], self._barred[rows], self._shunned[rows]),
-            decide.Plans(*plans),
+            decide.Plans._make(column[rows] for column in self._plans),
             search.Patrol(*(column[rows] for column in self._patrol)),
             self._rules,
             self._salts[rows],
