@@ -14,12 +14,12 @@ from swarmsim.cli.runs import FINISHED, NOT_FINISHED, table
 
 fleet = typer.Typer(
     help="Run a swarm as processes: a world, and each robot by itself.\n\n"
-    "Example: swarmsim fleet up scenarios/room.toml --out runs/fleet --transport udp",
+    "Example: swarmsim fleet up room --out runs/fleet --transport udp",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 robot = typer.Typer(
-    help="One robot of a fleet.\n\nExample: swarmsim robot charge scenarios/basilica.toml --id 3 --out build/3.charge",
+    help="One robot of a fleet.\n\nExample: swarmsim robot charge basilica --id 3 --out build/3.charge",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -44,7 +44,7 @@ def up(
     Each has its own mind, senses only what the world tells it, and hears frames over the transport. In lockstep the
     recording is that of `swarmsim run`, to the last bit: `swarmsim verify` says so. Exit codes are those of `run`.
 
-    Example: swarmsim fleet up scenarios/basilica.toml --out runs/fleet --pace lockstep
+    Example: swarmsim fleet up basilica --out runs/fleet --pace lockstep
     """
     from swarmsim.api.fleets import assembled, flown
     from swarmsim.api.runs import new_folder
@@ -72,7 +72,7 @@ def charge(
 ) -> None:
     """Write all that a robot of a scenario is told: its number, body, lattice, period, seed and mind; no world.
 
-    Example: swarmsim robot charge scenarios/basilica.toml --id 3 --out build/3.charge
+    Example: swarmsim robot charge basilica --id 3 --out build/3.charge
     """
     from swarmsim.api.fleets import robot_charge
 
