@@ -38,7 +38,7 @@ dist: export SOURCE_DATE_EPOCH = $(shell git log -1 --format=%ct)
 dist: .venv/dist
 	rm -rf dist build/again && mkdir -p build/again
 	$(BUILT) --outdir dist .
-	tar --extract --gzip --directory build/again --strip-components 1 --file dist/*.tar.gz
+	tar --extract --gzip --directory build/again --strip-components 1 --exclude PKG-INFO --file dist/*.tar.gz
 	$(BUILT) --outdir build/again/dist build/again
 	for made in dist/*; do cmp $$made build/again/$$made || exit 1; done
 	$(BIN)/twine check --strict dist/*

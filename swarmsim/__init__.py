@@ -3,7 +3,7 @@
 ```python
 import swarmsim as sw
 
-run = sw.run("scenarios/room.toml", seed=3, overrides={"robots.count": 5})
+run = sw.run("room", seed=3, overrides={"robots.count": 5})
 run.summary["status"], run.curve()[-1]
 run.film("room.mp4")
 ```

@@ -15,6 +15,7 @@ import tomli_w
 from swarmsim.api.bare import CELL, bare
 from swarmsim.api.figures import save_picture
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import shipped
 from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.scenario.file import World, decode
 from swarmsim.core.scenario.files import write_whole
@@ -117,7 +118,7 @@ def world_import(
     questions and the findings; without it all defaults are taken. Raises InputError, and writes nothing, for an
     unreadable file, a missing width, and a scenario that exists already.
     """
-    path, scenario, ask = Path(file), Path(out or f"{Path(file).stem}.toml"), answers or Defaults()
+    path, scenario, ask = shipped.found(file, "worlds"), Path(out or f"{Path(file).stem}.toml"), answers or Defaults()
     if scenario.suffix.lower() != ".toml":
         raise InputError(f"{scenario}: expected a name that ends in .toml")
     if scenario.exists():

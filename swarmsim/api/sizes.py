@@ -13,7 +13,7 @@ import numpy as np
 
 from swarmsim.api.overrides import Overrides, fault_of, keys_of, seconds_in
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import registry
+from swarmsim.core.scenario import registry, shipped
 from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.toml import parsed, read_toml
 from swarmsim.studies import sequential
@@ -72,7 +72,7 @@ def size(
     the path, without suffix, of a figure: PNG and SVG. `progress` is called with the number of runs simulated, `tell`
     with each finding. Raises InputError for what cannot work, and for a run that fails.
     """
-    path = Path(scenario)
+    path = shipped.found(scenario)
     with registry.own_code(allow_code), ExitStack() as stack:
         question = _question(within, sure, slack, confidence, budget)
         table, changes = _base(path, overrides, faults)

@@ -12,6 +12,7 @@ from swarmsim.api.figures import save_picture
 from swarmsim.api.overrides import Overrides, told_apart
 from swarmsim.api.runs import scenario_of
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import shipped
 from swarmsim.core.scenario.file import Scenario, World, assign, decode, set_key
 from swarmsim.core.scenario.files import Table
 from swarmsim.engine.inspection import Inspection, inspect
@@ -130,6 +131,7 @@ def _text(plan: FloorPlan, path: Path, title: str) -> str:
 
 def _scenario(path: Path, overrides: Overrides | None) -> Scenario:
     """The scenario in a TOML file, or a bare one for a world."""
+    path = shipped.found(path, "worlds")
     if path.suffix.lower() == ".toml":
         return scenario_of(path, None, overrides)
     return decode(_with(bare({"file": str(path)}), overrides), str(path))

@@ -39,7 +39,7 @@ CLOSED = 141  # a shell's exit code for SIGPIPE
 
 app = typer.Typer(
     help="Simulate robot swarms: a scenario in, a recording, a summary and a film out.\n\n"
-    "Example: swarmsim run scenarios/basilica.toml --out runs/basilica --video runs/basilica.mp4",
+    "Example: swarmsim run basilica --out runs/basilica --video runs/basilica.mp4",
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,

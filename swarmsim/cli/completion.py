@@ -39,10 +39,11 @@ def fault_words(incomplete: str) -> list[str]:
 
 
 def example_names(incomplete: str) -> list[str]:
-    """The names of shipped scenarios."""
+    """The names of what ships."""
     from swarmsim.core.scenario import shipped
 
-    return [name for name in shipped.examples() if name.startswith(incomplete)]
+    names = dict.fromkeys(name for kind in shipped.KINDS for name in shipped.examples(kind))
+    return [name for name in names if name.startswith(incomplete)]
 
 
 def _settings() -> Iterator[str]:

@@ -70,7 +70,7 @@ def test(
     Exit code 0: all hold; 1: some fail; 2: bad input; 5: none fails, but some are undecided. With --mutate, 1
     means that some expectation fails with no mutant, or with nothing broken.
 
-    Example: swarmsim test scenarios/room.toml --junit runs/expectations.xml
+    Example: swarmsim test room --junit runs/expectations.xml
     """
     from swarmsim.api.expectations import open_expectations
 

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 fleet = typer.Typer(
     help="Run a swarm as processes: a world, and each robot by itself.\n\n"
-    "Example: swarmsim fleet up scenarios/room.toml --out runs/fleet --transport udp",
+    "Example: swarmsim fleet up room --out runs/fleet --transport udp",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 robot = typer.Typer(
-    help="One robot of a fleet.\n\nExample: swarmsim robot charge scenarios/basilica.toml --id 3 --out build/3.charge",
+    help="One robot of a fleet.\n\nExample: swarmsim robot charge basilica --id 3 --out build/3.charge",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -73,7 +73,7 @@ def up(
     an empty map, --pause 2@400:80 stops one for 80 iterations, and --late 3,4@300 starts two at 300. Exit codes are
     those of `run`.
 
-    Example: swarmsim fleet up scenarios/basilica.toml --out runs/fleet --pace lockstep
+    Example: swarmsim fleet up basilica --out runs/fleet --pace lockstep
     """
     from swarmsim.api.fleets import assembled, pace_of, strikes
 
@@ -192,7 +192,7 @@ def charge(
 ) -> None:
     """Write all that a robot of a scenario is told: its number, body, lattice, period, seed and mind; no world.
 
-    Example: swarmsim robot charge scenarios/basilica.toml --id 3 --out build/3.charge
+    Example: swarmsim robot charge basilica --id 3 --out build/3.charge
     """
     from swarmsim.api.fleets import robot_charge
 

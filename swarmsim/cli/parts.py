@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,20 +12,34 @@ import typer
 from swarmsim.api import skeletons
 
 if TYPE_CHECKING:
-    from swarmsim.core.scenario.describe import PartDescription
+    from collections.abc import Sequence
+
+    from swarmsim.core.scenario.describe import Parameter, PartDescription
 
 
 def parts(
-    which: Annotated[str | None, typer.Argument(metavar="[SEAM[.NAME]]", help="A seam, or one part of it.")] = None,
+    which: Annotated[
+        str | None, typer.Argument(metavar="[SEAM[.NAME]|KEY]", help="A seam, one part of it, or a key.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """List the parts that scenarios can name, built-in and third-party, with their keys.
+    """List the parts that scenarios can name, built-in and third-party, with their keys; or tell a scenario's key.
 
     Example: swarmsim parts topology.knn
+
+    A key, or a table with its keys: swarmsim parts robots.wheel_base
     """
+    from swarmsim.api import reference
     from swarmsim.core.scenario import describe
     from swarmsim.core.seams import SEAMS
 
+    if which is not None and which.partition(".")[0] not in SEAMS and reference.has(which):
+        told = reference.key(which)
+        if as_json:
+            print(json.dumps([dataclasses.asdict(one) for one in told], indent=2))
+        else:
+            _keys(told)
+        return
     found = describe.parts(which)
     if as_json:
         print(json.dumps([describe.plain(one) for one in found], indent=2))
@@ -54,7 +69,6 @@ def _all(seam: str, found: list[PartDescription]) -> None:
 
 def _one(one: PartDescription) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
     from swarmsim.cli.console import VisibleConsole
 
@@ -65,14 +79,23 @@ def _one(one: PartDescription) -> None:
     if not one.parameters:
         console.print("It has no keys.")
         return
+    _keys(one.parameters)
+
+
+def _keys(found: Sequence[Parameter]) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from swarmsim.cli.console import VisibleConsole
+
     table = Table(expand=True)
     table.add_column("key", no_wrap=True)
     for head, share in (("value", 5), ("default", 3), ("meaning", 6)):
         table.add_column(head, ratio=share, overflow="fold")
-    for each in one.parameters:
+    for each in found:
         default = "required" if each.default is None else each.default
         table.add_row(*(escape(cell) for cell in (each.key, each.kind, default, each.meaning)))
-    console.print(table)
+    VisibleConsole().print(table)
 
 
 def new(

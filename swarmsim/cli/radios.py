@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from swarmsim.api.radios import OnRadio
 
 app = typer.Typer(
-    help="Messages on the air: their time on radios that exist, and keys.\n\n"
-    "Example: swarmsim radio airtime scenarios/basilica.toml",
+    help="Messages on the air: their time on radios that exist, and keys.\n\nExample: swarmsim radio airtime basilica",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -32,7 +31,7 @@ def airtime(
 ) -> None:
     """Print the bytes of a scenario's messages, and their time on LoRa, BLE, 802.15.4 and ESP-NOW.
 
-    Example: swarmsim radio airtime scenarios/basilica.toml
+    Example: swarmsim radio airtime basilica
     """
     from swarmsim.api.radios import radio_airtime
     from swarmsim.cli.tables import print_table

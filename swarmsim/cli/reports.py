@@ -31,9 +31,11 @@ def report(
     from swarmsim.api.runs import open as open_run
     from swarmsim.api.studies import open_study
     from swarmsim.core.errors import InputError
+    from swarmsim.core.scenario import shipped
     from swarmsim.view.layers.own import left_out
 
     check_page(out)
+    what = what if what.is_dir() else shipped.found(what, "studies")
     if what.suffix != ".toml":
         run = open_run(what)
         if notice := left_out(run.recording.scenario):

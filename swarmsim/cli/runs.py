@@ -38,7 +38,7 @@ def run(
     Exit code 0: finished; 1: not finished at the limit; 2: bad input; 3: a third-party part failed
     during the run.
 
-    Example: swarmsim run scenarios/basilica.toml --seed 7 --set robots.count=20 --out runs/twenty
+    Example: swarmsim run basilica --seed 7 --set robots.count=20 --out runs/twenty
 
     Setting a table replaces it entirely: --set 'network.topology={use="ring"}'
 

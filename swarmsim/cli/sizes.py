@@ -60,7 +60,7 @@ def size(
 
     Exit code 0: answered; 1: not decided within the budget, or nothing suffices; 2: bad input.
 
-    Example: swarmsim size scenarios/basilica.toml --within 8min --sure 0.95
+    Example: swarmsim size basilica --within 8min --sure 0.95
 
     With a quarter of the robots dying: --fault "crash at=60 fraction=0.25"; by price: --price robot=120,minute=0.5
     """

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     help="Run many variations of a scenario and evaluate the runs.\n\n"
-    "Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30",
+    "Example: swarmsim study run kit2018/network --seeds 30",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -46,7 +46,7 @@ def plan(
 ) -> None:
     """List a study's conditions, its number of runs, and the time they will take.
 
-    Example: swarmsim study plan scenarios/studies/kit2018/network.toml
+    Example: swarmsim study plan kit2018/network
     """
     opened = _opened(study, seeds, store, keep_old, allow_code)
     conditions = opened.plan.conditions
@@ -77,7 +77,7 @@ def run(
 
     Exit code 0: all done; 1: some failed; 2: bad input.
 
-    Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30 --workers 2
+    Example: swarmsim study run kit2018/network --seeds 30 --workers 2
     """
     from swarmsim.api.studies import open_study
 
@@ -102,7 +102,7 @@ def status(
 ) -> None:
     """Print the progress of a study.
 
-    Example: swarmsim study status scenarios/studies/kit2018/network.toml
+    Example: swarmsim study status kit2018/network
     """
     opened = _opened(study, seeds, store, keep_old, allow_code)
     rows = [tuple(map(str, astuple(one))) for one in opened.status()]
@@ -126,7 +126,7 @@ def table(
 ) -> None:
     """Print the results of a study, with intervals.
 
-    Example: swarmsim study table scenarios/studies/kit2018/network.toml --compare k=1
+    Example: swarmsim study table kit2018/network --compare k=1
 
     How sure, and by when: --by 8min --by 10min --quantile 0.95
     """
@@ -167,7 +167,7 @@ def plot(
 ) -> None:
     """Draw a study's curves, its distribution of iterations, its trend along an axis and its table.
 
-    Example: swarmsim study plot scenarios/studies/kit2018/network.toml runs/figures
+    Example: swarmsim study plot kit2018/network runs/figures
     """
     for path in _opened(study, seeds, store, keep_old, allow_code).plot(out, *(measure or ())):
         print(path)
@@ -185,7 +185,7 @@ def export(
 ) -> None:
     """Write every run of a study with all its measures.
 
-    Example: swarmsim study export scenarios/studies/kit2018/network.toml --csv runs/network.csv
+    Example: swarmsim study export kit2018/network --csv runs/network.csv
     """
     if csv is None and parquet is None:
         raise InputError("study export: nothing to write; name a file with --csv or --parquet")
@@ -207,7 +207,7 @@ def rank(
 ) -> None:
     """Compare methods over many worlds: ratios to the first method, probability of improvement, profiles.
 
-    Example: swarmsim study rank scenarios/studies/strategies/unseen.toml --out runs/figures
+    Example: swarmsim study rank strategies/unseen --out runs/figures
     """
     from swarmsim.studies.methods import HEAD, lines, notes
 
@@ -240,7 +240,7 @@ def best(
 
     Unfinished runs are compared up to the shortest limit of the conditions; if too few finish, no condition is named.
 
-    Example: swarmsim study best scenarios/studies/best-k/15.toml --budget 1000
+    Example: swarmsim study best best-k/15 --budget 1000
 
     The one with the highest chance of being done by a time: --within 8min --tolerance 0.05
     """
@@ -283,7 +283,7 @@ def worst(
 
     Exit code 0: found and written; 1: none found; 2: bad input.
 
-    Example: swarmsim study worst scenarios/basilica.toml --set network.topology.k=1 --out runs/worst.toml
+    Example: swarmsim study worst basilica --set network.topology.k=1 --out runs/worst.toml
     """
     from swarmsim.api.worst import study_worst
     from swarmsim.core.durations import told

@@ -25,18 +25,19 @@ def view(
 
     Your actions are recorded as faults of the scenario, so that `swarmsim verify` repeats them. Press h for the keys.
 
-    Example: swarmsim view scenarios/basilica.toml
+    Example: swarmsim view basilica
 
     A recorded run: swarmsim view runs/basilica-1
     """
     from swarmsim.api.runs import new_folder, scenario_of, summarise
     from swarmsim.core.errors import InputError
+    from swarmsim.core.scenario import shipped
     from swarmsim.live.session import Replay, Session
     from swarmsim.recording.reader import Recording
     from swarmsim.view.style import Style
     from swarmsim.view.window import Window
 
-    look = Style(theme)
+    look, what = Style(theme), shipped.found(what)
     if what.suffix != ".toml":
         recording = Recording(what)
         Window(Replay(recording), recording.path.parent, look=look, speed=speed).run()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from swarmsim.engine.inspection import Inspection
 
 app = typer.Typer(
-    help="Check, draw, convert and make buildings.\n\nExample: swarmsim world check worlds/basilica.svg",
+    help="Check, draw, convert and make buildings.\n\nExample: swarmsim world check basilica",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -94,7 +94,7 @@ def preview(
 ) -> None:
     """Draw a building for a swarm: grid, domain, spawn areas, doors, and problems.
 
-    Example: swarmsim world preview worlds/basilica.svg basilica.png
+    Example: swarmsim world preview basilica basilica.png
     """
     from swarmsim.api.worlds import world_preview
 
@@ -112,7 +112,7 @@ def convert(
 ) -> None:
     """Write a building as a drawing (SVG), polygons (GeoJSON), or a map: map_server's YAML and PGM, or OccupancyGrid.
 
-    Example: swarmsim world convert worlds/basilica.svg basilica.yaml --cell 0.05
+    Example: swarmsim world convert basilica basilica.yaml --cell 0.05
     """
     from swarmsim.api.worlds import world_convert
 

@@ -19,11 +19,11 @@ Pace = Annotated[float, Meta(ge=1e-5, le=1e4)]  # m/s or m/s^2
 class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A robot's body: a disc on wheels."""
 
-    radius: Length = 0.055  # m
+    radius: Length = 0.055  # m, of the disc
     wheel_base: Length = 0.10  # m, between wheels on opposite sides
     speed: Pace = 0.15  # m/s, at a wheel's rim
     acceleration: Pace = 1.0  # m/s^2, at a wheel's rim
-    mass: Annotated[float, Meta(ge=1e-6, le=1e6)] = 0.25  # kg
+    mass: Annotated[float, Meta(ge=1e-6, le=1e6)] = 0.25  # kg, of the whole robot
     traction: Annotated[float, Meta(ge=1e-4, le=1e3)] = 0.6  # friction coefficient of wheel on floor
 
 

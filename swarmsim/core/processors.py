@@ -19,7 +19,7 @@ class Processor(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, o
     `use` names a real one, whose numbers replace missing ones.
     """
 
-    use: str = ""  # atmega328, esp32, stm32f407 or pi-zero-2
+    use: str = ""  # a real one, whose numbers replace missing ones: atmega328, esp32, stm32f407 or pi-zero-2
     rate: Annotated[float, Meta(gt=0.0, le=1e18)] | None = None  # floating-point operations a second
     memory: Annotated[float, Meta(gt=0.0, le=1e18)] | None = None  # bytes, for the mind's data and the jobs'
     energy: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # J an operation

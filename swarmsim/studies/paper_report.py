@@ -178,7 +178,7 @@ def _of_reading(found: Reproduction, figures: dict[str, str]) -> list[str]:
 
 def _scenarios(found: Reproduction) -> list[str]:
     """The studies' scenarios."""
-    files = [plan.path.parent / plan.study.scenario for plan in found.plans.values()]
+    files = [shipped.found(plan.study.scenario, folder=plan.path.parent) for plan in found.plans.values()]
     return list(dict.fromkeys(_shown(file) for file in files))
 
 

@@ -17,7 +17,7 @@ from msgspec import Meta, Struct
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import budget
+from swarmsim.core.scenario import budget, shipped
 from swarmsim.core.scenario.decoding import read_struct
 from swarmsim.core.scenario.expect import Expect
 from swarmsim.core.scenario.file import Scenario, assign, decode, files_outside
@@ -40,15 +40,15 @@ USUAL = 700  # typical iterations of a run, unless its limit is lower
 class Axis(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One key of the scenario and the values it takes."""
 
-    key: str
-    values: Annotated[list[Any], Meta(min_length=1)]
+    key: str  # dotted, of the scenario
+    values: Annotated[list[Any], Meta(min_length=1)]  # one condition for each
     together: str | None = None  # axes with the same name step together; all others are crossed
 
 
 class Named(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A single condition outside the grid."""
 
-    name: str
+    name: str  # of the condition, in tables and plots
     set: dict[str, object]  # dotted key: value
     x: float | None = None  # its place on the study's axis; without one, it is a line across the plot
     series: str = ""  # its line in the plot
@@ -57,14 +57,16 @@ class Named(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Study(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The file's contents."""
 
-    title: str
-    scenario: str  # relative to the study's folder
-    seeds: Annotated[int, Meta(ge=1)] | Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] = 30
-    keep: Literal["summary", "curves", "recordings"] = "curves"
-    set: dict[str, object] = {}
+    title: str  # of the study, in tables and plots
+    scenario: str  # relative to the study's folder, or the name of one that ships
+    seeds: Annotated[int, Meta(ge=1)] | Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] = (
+        30  # 1 to N, or a list
+    )
+    keep: Literal["summary", "curves", "recordings"] = "curves"  # of a run
+    set: dict[str, object] = {}  # dotted key: value, for every condition
     axis: str | None = None  # the meaning of the conditions' `x`, with its unit: plots show iterations against it
-    vary: tuple[Axis, ...] = ()
-    condition: tuple[Named, ...] = ()
+    vary: tuple[Axis, ...] = ()  # keys and the values that they take
+    condition: tuple[Named, ...] = ()  # single conditions outside the grid
     expect: tuple[Expect, ...] = ()  # of every condition's runs; `swarmsim test`
 
 
@@ -145,6 +147,7 @@ def open_study(
 
     Raises InputError that names the file, the condition and the key.
     """
+    path = shipped.found(path, "studies")
     study = read_study(path)
     return plan_study(path, msgspec.structs.replace(study, set={**study.set, **(changes or {})}), seeds, keep_old)
 
@@ -168,7 +171,7 @@ def planned(
 
     Raises InputError as `open_study`.
     """
-    base = path.parent / study.scenario
+    base = shipped.found(study.scenario, folder=path.parent)
     table = read_toml(base, "the study's scenario file")
     named = {condition.name: condition for condition in study.condition}
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.durations import told
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import registry
+from swarmsim.core.scenario import registry, shipped
 from swarmsim.core.scenario.identity import differences
 from swarmsim.recording.digests import versions
 from swarmsim.studies.engine import Job
@@ -185,9 +185,8 @@ def command(plan: Plan, condition: Condition, seed: int) -> str:
     changes = {**plan.study.set, **condition.changes}
     sets = " ".join(f"--set {shlex.quote(f'{key}={_toml(value)}')}" for key, value in changes.items())
     allow = " --allow-code" if registry.own_code_is_allowed() else ""
-    return (
-        f"swarmsim run {shlex.quote(str(plan.path.parent / plan.study.scenario))} --seed {seed}{allow} {sets}".strip()
-    )
+    scenario = shlex.quote(str(shipped.found(plan.study.scenario, folder=plan.path.parent)))
+    return f"swarmsim run {scenario} --seed {seed}{allow} {sets}".strip()
 
 
 def _toml(value: object) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from swarmsim.core.errors import PartError
 from swarmsim.core.messages import Broadcast, MessageBatch
 from swarmsim.core.parts import Parts
-from swarmsim.core.scenario import registry
+from swarmsim.core.scenario import registry, shipped
 from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.toml import read_toml
 from swarmsim.core.state import Knowledge, Moment, Senses
@@ -121,7 +121,7 @@ def check_alone(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
     """A single robot without messages runs through; in a swarm of groups, one of each."""
-    robots = read_toml(Path(scenario), "a scenario file").get("robots")
+    robots = read_toml(shipped.found(scenario), "a scenario file").get("robots")
     single = [f"robots.{number}.count=1" for number in range(len(robots))] if isinstance(robots, list) else ()
     alone = (*(single or ("robots.count=1",)), 'network.topology={use="none"}', "faults=[]")
     check_strictly(scenario, (*overrides, *alone), iterations, allow_code)

@@ -161,7 +161,7 @@ def test_a_function_takes_what_its_verb_takes(verb: str) -> None:
         if name.startswith("StudyRun."):
             given |= set(inspect.signature(sw.open_study).parameters)
     if verb == "examples run":
-        given |= set(inspect.signature(sw.run).parameters)
+        given |= {name for one in (sw.run, sw.study, sw.reproduce) for name in inspect.signature(one).parameters}
     for option in VERBS[verb].params:
         if option.name and option.name not in OF_COMMANDS:
             called = CALLED.get(f"{option.name} of {verb}", CALLED.get(option.name, option.name))

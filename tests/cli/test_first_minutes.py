@@ -66,7 +66,7 @@ def test_examples_are_listed_run_and_copied(tmp_path: Path) -> None:
     done = swarmsim("examples", "copy", "faults/partition", "here", cwd=tmp_path)
     assert done.stdout.splitlines() == [
         "here/scenarios/faults/partition.toml", "here/worlds/basilica.svg",
-        "run it: swarmsim run here/scenarios/faults/partition.toml",
+        "use it: swarmsim run here/scenarios/faults/partition.toml",
     ]  # fmt: skip
     done = swarmsim("examples", "run", "partition", cwd=tmp_path)
     assert done.returncode == 2

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import inspect
 import io
 import textwrap
 import tokenize
+import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -16,7 +18,7 @@ from msgspec import inspect as types
 
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.scenario import registry
-from swarmsim.core.scenario.part import Part
+from swarmsim.core.scenario.part import Part, seam_of
 from swarmsim.core.seams import SEAMS
 
 
@@ -91,10 +93,59 @@ def _parameters(kind: type[msgspec.Struct]) -> Iterator[Parameter]:
         yield Parameter(field.encode_name, words(field.type), default, meanings.get(field.name, ""))
 
 
+def keys(kind: type[msgspec.Struct], place: str = "") -> Iterator[Parameter]:
+    """Every key of a table and of the tables inside it, by its dotted path: `robots.wheel_base`, `expect[].that`."""
+    info = types.type_info(kind)
+    assert isinstance(info, types.StructType)
+    for field, told in zip(info.fields, _parameters(kind), strict=True):
+        path = f"{place}{told.key}"
+        inner, many = _tables(field.type)
+        yield dataclasses.replace(told, key=path, kind=_seam(kind, field.name) or told.kind)
+        if inner is not None:
+            yield from keys(inner, f"{path}[]." if many else f"{path}.")
+
+
+def _tables(kind: types.Type) -> tuple[type[msgspec.Struct] | None, bool]:
+    """The struct of the tables that a type takes, and whether it takes a list of them."""
+    match kind:
+        case types.UnionType():
+            return next((found for one in kind.types if (found := _tables(one))[0]), (None, False))
+        case types.Metadata():
+            return _tables(kind.type)
+        case types.VarTupleType() | types.ListType():
+            return _tables(kind.item_type)[0], True
+        case types.StructType():
+            return kind.cls, False
+    return None, False
+
+
+def _seam(kind: type[msgspec.Struct], name: str) -> str:
+    """Which parts a key takes, in words; empty if it takes none."""
+    hint = typing.get_type_hints(kind, include_extras=True)[name]
+    nested = [hint, *typing.get_args(hint), *(deep for one in typing.get_args(hint) for deep in typing.get_args(one))]
+    part = next((one for one in nested if typing.get_origin(one) is Part), None)
+    seam = None if part is None else seam_of(part)
+    if seam is None:
+        return ""
+    return f"{'parts' if typing.get_origin(hint) is tuple else 'a part'} of the seam {seam}"
+
+
 def _toml(field: types.Field) -> str:
+    if field.default is msgspec.NODEFAULT and field.default_factory is msgspec.NODEFAULT:  # may be left out
+        implied = [one.extra_json_schema or {} for one in _inside(field.type) if isinstance(one, types.Metadata)]
+        return next((msgspec.json.encode(one["default"]).decode() for one in implied if "default" in one), "none")
     value = field.default if field.default is not msgspec.NODEFAULT else field.default_factory()
-    plain = {} if isinstance(value, Part) else msgspec.to_builtins(value)
+    if isinstance(value, Part):
+        return f'"{value.use}"' if value else "none"
+    plain = {} if isinstance(value, msgspec.Struct) else msgspec.to_builtins(value)
     return "none" if plain is None else msgspec.json.encode(plain).decode()
+
+
+def _inside(kind: types.Type) -> Iterator[types.Type]:
+    """A type and those that it is one of."""
+    yield kind
+    for one in kind.types if isinstance(kind, types.UnionType) else ():
+        yield from _inside(one)
 
 
 def comments(kind: type) -> dict[str, str]:
@@ -112,8 +163,10 @@ def comments(kind: type) -> dict[str, str]:
             if token.type == tokenize.COMMENT
         }
         for node in tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else ():
-            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.end_lineno in behind:
-                found[node.target.id] = behind[node.end_lineno]
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                last = node.lineno if node.end_lineno is None else node.end_lineno
+                said = [behind[line] for line in range(node.lineno, last + 1) if line in behind]
+                found |= {node.target.id: said[-1]} if said else {}
     return found
 
 

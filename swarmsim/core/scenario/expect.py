@@ -31,9 +31,9 @@ class Expect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     that: Annotated[str, Meta(min_length=1, max_length=200)]  # the sentence
     seeds: Annotated[int, Meta(ge=1)] | Annotated[tuple[Seed, ...], Meta(min_length=1)] = SEEDS  # 1 to N, or a list
-    chance: Annotated[float, Meta(gt=0.0, lt=1.0)] | None = None
-    zone: Annotated[float, Meta(gt=0.0, lt=1.0)] | None = None
-    budget: Annotated[int, Meta(ge=1, le=1_000_000)] | None = None  # runs
+    chance: Annotated[float, Meta(gt=0.0, lt=1.0)] | None = None  # that it is true in a run, at least
+    zone: Annotated[float, Meta(gt=0.0, lt=1.0)] | None = None  # how much less of a chance is close enough
+    budget: Annotated[int, Meta(ge=1, le=1_000_000)] | None = None  # runs, at most, of an expectation with a chance
     faults: tuple[str, ...] = ()  # besides the scenario's, in words
     set: dict[str, Any] = {}  # dotted key: value
     condition: str = ""  # of a study; default: all of them

@@ -37,7 +37,7 @@ from swarmsim.core.parts import (
     Sensor,
     Topology,
 )
-from swarmsim.core.scenario import registry
+from swarmsim.core.scenario import registry, shipped
 from swarmsim.core.scenario.budget import BUDGET
 from swarmsim.core.scenario.decoding import Take, convert
 from swarmsim.core.scenario.describe import words
@@ -61,13 +61,13 @@ class Layers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit
     """Names of a drawing's layers."""
 
     # in the order used by identities of studies
-    doors: Names | None = None
-    floor: Names | None = None
-    furniture: Names | None = None
-    pillars: Names | None = None
-    spawn: Names | None = None
-    unknown: Names | None = None
-    walls: Names | None = None
+    doors: Names | None = None  # openings in walls, which are floor
+    floor: Names | None = None  # where robots can be
+    furniture: Names | None = None  # solid things that stand about
+    pillars: Names | None = None  # solid, as walls
+    spawn: Names | None = None  # areas where robots can start, by their names
+    unknown: Names | None = None  # space that does not count
+    walls: Names | None = None  # solid
 
     def __reduce__(self) -> str | tuple[object, ...]:
         """The default itself if it names nothing, since texts omit only that very object."""
@@ -91,21 +91,21 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
     that does not count.
     """
 
-    file: str = ""
-    scale: Positive | None = None
+    file: str = ""  # path from the scenario, or the name of a world that ships
+    scale: Positive | None = None  # factor on the file's metres
     width: Positive | None = None  # m, of the whole page
     resolution: Positive | None = None  # m, one pixel
-    layers: Layers = UNNAMED
-    floor: tuple[Name, ...] = ()
-    level: str = ""
-    solid: Literal["all", "strokes"] | None = None
-    doors: Annotated[float, Meta(ge=0.0, le=10.0)] | None = None  # m, 0 for none
-    border: bool | None = None
-    pockets: Literal["ignore", "fill", "refuse"] = "ignore"
-    despeckle: Annotated[float, Meta(ge=0.0, le=1e4)] = 0.0  # m2
+    layers: Layers = UNNAMED  # ids, labels or classes of a drawing's layers that have other names
+    floor: tuple[Name, ...] = ()  # layers or areas that are floor; default: what is not solid
+    level: str = ""  # the storey, of a file with several
+    solid: Literal["all", "strokes"] | None = None  # what is wall in a drawing without layers; default: by its look
+    doors: Annotated[float, Meta(ge=0.0, le=10.0)] | None = None  # m, width of doors in closed rooms; 0 for none
+    border: bool | None = None  # whether a wall closes the page's edge; default: where it is open
+    pockets: Literal["ignore", "fill", "refuse"] = "ignore"  # what becomes of space that no robot can enter
+    despeckle: Annotated[float, Meta(ge=0.0, le=1e4)] = 0.0  # m2, solid specks up to this size are dropped
     spawn: tuple[Edges, Edges, Length, Length] | None = None  # x, y of the lower left corner, width, height in m
-    unknown: Literal["wall", "space"] = "wall"
-    generate: Part[Generator] = NONE
+    unknown: Literal["wall", "space"] = "wall"  # what unknown cells of a map are: walls, or space that does not count
+    generate: Part[Generator] = NONE  # makes a building instead of a file
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1  # of the generator
 
     def __post_init__(self) -> None:
@@ -128,18 +128,20 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
 class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The cells of truth, tiles and maps."""
 
-    cell: Positive = 0.15  # m
+    cell: Positive = 0.15  # m, side of a cell
 
 
 class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Which robot hears which, and which messages arrive."""
 
-    topology: Part[Topology]
-    channel: Part[NetworkChannel] = Part("channel")
-    #: Exchanges of messages in an iteration; all but the first for jobs alone.
-    rounds: Annotated[int, Meta(ge=1, le=1000, extra_json_schema={"default": 1})] | UnsetType = UNSET
-    #: Whether a radio's bandwidth is charged for each robot that hears a message, or once for all, as in a broadcast.
-    charged: Annotated[Literal["heard", "sent"], Meta(extra_json_schema={"default": "heard"})] | UnsetType = UNSET
+    topology: Part[Topology]  # who hears whom
+    channel: Part[NetworkChannel] = Part("channel")  # what arrives, and when
+    rounds: Annotated[int, Meta(ge=1, le=1000, extra_json_schema={"default": 1})] | UnsetType = (
+        UNSET  # exchanges of messages in an iteration; all but the first are for jobs alone
+    )
+    charged: Annotated[Literal["heard", "sent"], Meta(extra_json_schema={"default": "heard"})] | UnsetType = (
+        UNSET  # whether a radio's bandwidth is charged for each robot that hears a message, or once for all
+    )
 
     @property
     def exchanges(self) -> int:
@@ -150,8 +152,8 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A robot's mind: its computation and its strategy."""
 
-    computation: Part[AnyComputation] = Part("computation")
-    strategy: Part[AnyStrategy] = Part("strategy")
+    computation: Part[AnyComputation] = Part("computation")  # what a robot knows and tells
+    strategy: Part[AnyStrategy] = Part("strategy")  # where it goes
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -161,8 +163,8 @@ class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ends at the limit, and counts as finished.
     """
 
-    when_done: Literal["stop", "continue"] = "stop"
-    iterations: Annotated[Count, Meta(extra_json_schema={"default": 5000})] | UnsetType = UNSET
+    when_done: Literal["stop", "continue"] = "stop"  # what a run does when its task is done
+    iterations: Annotated[Count, Meta(extra_json_schema={"default": 5000})] | UnsetType = UNSET  # the limit
     seconds: Annotated[float, Meta(gt=0.0, le=1e9)] | UnsetType = UNSET  # s, simulated
 
     def __post_init__(self) -> None:
@@ -174,27 +176,27 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One run. Its parts (`sensor`, `network.topology`, ...) are typed values, complete once read."""
 
     title: str = ""  # default: the file's name; {robots.count} in it becomes the number
-    world: World
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
+    world: World  # the building: a file, or a table
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1  # of everything random in the run
     period: Annotated[float, Meta(ge=1e-4, le=1e5)] = 1.0  # s, one iteration
-    grid: Grid = Grid()
-    robots: Robots
-    physics: Part[Bodies] = Part("physics")
-    sensor: Part[Sensor] = Part("sensor")
+    grid: Grid = Grid()  # the cells of truth, tiles and maps
+    robots: Robots  # their number, starts and bodies; several [[robots]] are groups
+    physics: Part[Bodies] = Part("physics")  # what moves bodies
+    sensor: Part[Sensor] = Part("sensor")  # what each robot measures
     sensors: tuple[Part[Sensor], ...] = ()  # further ones or, without `sensor`, all
-    actuators: tuple[Part[Actuator], ...] = ()
-    field: Part[Field] = NONE
-    localisation: Part[Localisation] = Part("localisation")
-    network: Network
-    mind: Mind = Mind()
+    actuators: tuple[Part[Actuator], ...] = ()  # what robots do besides driving
+    field: Part[Field] = NONE  # a quantity that has a value everywhere
+    localisation: Part[Localisation] = Part("localisation")  # what each robot takes for its pose
+    network: Network  # who hears whom, and what arrives
+    mind: Mind = Mind()  # what each robot computes, and where it goes
     jobs: tuple[Part[AnyJob], ...] = ()  # computed beside the minds
-    motion: Part[Motion] = Part("motion")
-    kinematics: Part[Kinematics] = Part("kinematics")
-    task: Part[AnyTask] = Part("task")
-    faults: tuple[Part[Fault], ...] = ()
-    probes: tuple[Part[Probe], ...] = ()
+    motion: Part[Motion] = Part("motion")  # how a robot follows its way
+    kinematics: Part[Kinematics] = Part("kinematics")  # what its wheels can do
+    task: Part[AnyTask] = Part("task")  # what is measured, and when the run is done
+    faults: tuple[Part[Fault], ...] = ()  # what goes wrong, when, for whom
+    probes: tuple[Part[Probe], ...] = ()  # what else is recorded
     layers: tuple[Part[Layer], ...] = ()  # shown in pictures as well
-    stop: Stop = Stop()
+    stop: Stop = Stop()  # when the run ends
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, limit for preparing the run and for doing it
 
     def __post_init__(self) -> None:
@@ -367,8 +369,10 @@ def _at(whole: Scenario, place: tuple[str, ...]) -> Any:  # noqa: ANN401 - a par
 def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, object] | None = None) -> Scenario:
     """Read a scenario file, with `key.path=value` overrides whose values are TOML, then `changes` by dotted key.
 
-    Paths in it resolve from the file's folder. Raises InputError naming the file and the key.
+    The path may be the name of one that ships. Paths in it resolve from the file's folder. Raises InputError naming
+    the file and the key.
     """
+    path = shipped.found(path)
     table = read_toml(path, "a scenario file")
     for override in overrides:
         set_key(table, override)
@@ -382,6 +386,7 @@ def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, object
 
 def files_outside(path: Path, overrides: Iterable[str] = ()) -> list[str]:
     """A notice for each file that a scenario reads from outside its folder; ours may read our own worlds."""
+    path = shipped.found(path)
     table = read_toml(path, "a scenario file")
     for override in overrides:
         set_key(table, override)
@@ -434,7 +439,7 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
     scenario = _scenario(table, name, complete)
     world = scenario.world
     if folder is not None and world.file:
-        world = msgspec.structs.replace(world, file=os.path.normpath(folder / world.file))
+        world = msgspec.structs.replace(world, file=os.path.normpath(shipped.found(world.file, "worlds", folder)))
     return msgspec.structs.replace(
         scenario, title=scenario.title.replace("{robots.count}", str(scenario.robots.count)), world=world
     )

@@ -24,20 +24,20 @@ Count = Annotated[int, Meta(ge=1, le=LONGEST)]
 class GroupMind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """The mind of a group of robots; a missing half is the scenario's."""
 
-    computation: Part[AnyComputation] = NONE
-    strategy: Part[AnyStrategy] = NONE
+    computation: Part[AnyComputation] = NONE  # what these robots know and tell
+    strategy: Part[AnyStrategy] = NONE  # where they go
 
 
 class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots of one kind in a mixed swarm."""
 
-    count: Count
+    count: Count  # robots of this kind
     name: Called | UnsetType = UNSET  # of the group, for other parts; default: its number, from 0
-    use: str = PLAIN
-    sensor: Part[Sensor] = NONE  # default: the scenario's
-    sensors: tuple[Part[Sensor], ...] | UnsetType = UNSET  # further ones
-    kinematics: Part[Kinematics] | UnsetType = UNSET  # default: the scenario's
-    mind: GroupMind | UnsetType = UNSET  # default: the scenario's
+    use: str = PLAIN  # a real robot, as robots.use
+    sensor: Part[Sensor] = NONE  # of these robots; default: the scenario's
+    sensors: tuple[Part[Sensor], ...] | UnsetType = UNSET  # their further ones
+    kinematics: Part[Kinematics] | UnsetType = UNSET  # what their wheels can do; default: the scenario's
+    mind: GroupMind | UnsetType = UNSET  # of these robots; default: the scenario's
     processor: Processor | UnsetType = UNSET  # of jobs; default: that of all robots
 
 
@@ -48,8 +48,8 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
     swarm of several `[[robots]]` groups, radius and speed are those of the largest and the fastest.
     """
 
-    count: Count
-    use: str = PLAIN  # paper, e-puck, kilobot, turtlebot3-burger, thymio, khepera-iv or gternal
+    count: Count  # robots
+    use: str = PLAIN  # a real one: paper, e-puck, kilobot, turtlebot3-burger, thymio, khepera-iv or gternal
     spawn: str = ""  # the spawn area's name; default: the one called spawn, or the largest
     groups: tuple[Group, ...] = ()  # of a mixed swarm, in robot order
     processor: Processor | UnsetType = UNSET  # of jobs; default: unlimited

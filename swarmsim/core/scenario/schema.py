@@ -9,6 +9,7 @@ from typing import Annotated, Any, get_args, get_origin
 import msgspec
 
 from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.describe import comments
 from swarmsim.core.scenario.expect import ExpectTable
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.part import Part, seam_of
@@ -19,15 +20,18 @@ def schema() -> dict[str, Any]:
     """The JSON Schema of scenario files, with every installed part, for editors: `swarmsim schema`."""
     defs = _components(Scenario)
     root = defs.pop(Scenario.__name__)
-    root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
+    root["properties"]["world"] = {**_said(root, "world"), "anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
     both = {"type": "object", "properties": {"use": {"type": "string"}}, "required": ["use"]}
-    root["properties"]["mind"] = {"anyOf": [{"$ref": "#/$defs/Mind"}, both]}
+    root["properties"]["mind"] = {**_said(root, "mind"), "anyOf": [{"$ref": "#/$defs/Mind"}, both]}
     defs |= _components(ExpectTable)
     root["properties"] |= defs.pop(ExpectTable.__name__)["properties"]
     group = defs["Group"]
     group["properties"]["mind"] = {"anyOf": [{"$ref": "#/$defs/GroupMind"}, both]}
     of_a_kind = {**group, "properties": {**group["properties"], "spawn": {"type": "string"}}}
-    root["properties"]["robots"] = {"anyOf": [{"$ref": "#/$defs/Robots"}, {"type": "array", "items": of_a_kind}]}
+    root["properties"]["robots"] = {
+        **_said(root, "robots"),
+        "anyOf": [{"$ref": "#/$defs/Robots"}, {"type": "array", "items": of_a_kind}],
+    }
     for seam in SEAMS.values():
         choices: list[dict[str, Any]] = []
         for name, kind in registry.known(seam.name).items():
@@ -49,6 +53,11 @@ def schema() -> dict[str, Any]:
         "title": "swarmsim scenario",
         "$defs": defs,
     }
+
+
+def _said(root: dict[str, Any], key: str) -> dict[str, Any]:
+    """The meaning of a key."""
+    return {"description": root["properties"][key]["description"]}
 
 
 def _components(kind: type[msgspec.Struct]) -> dict[str, Any]:
@@ -76,7 +85,15 @@ def _shown(kind: object) -> object:
 
 @lru_cache(maxsize=1024)  # a struct that is used twice is one
 def _struct(kind: type[msgspec.Struct]) -> type[msgspec.Struct]:
-    fields = [(one.encode_name, _shown(one.type), *_default(one)) for one in msgspec.structs.fields(kind)]
+    meanings = comments(kind)
+
+    def told(one: msgspec.structs.FieldInfo) -> object:
+        shown = _shown(one.type)
+        return (
+            getitem(Annotated, (shown, msgspec.Meta(description=said))) if (said := meanings.get(one.name)) else shown
+        )
+
+    fields = [(one.encode_name, told(one), *_default(one)) for one in msgspec.structs.fields(kind)]
     config = kind.__struct_config__
     return msgspec.defstruct(
         kind.__name__, fields, namespace={"__doc__": kind.__doc__}, kw_only=True,

@@ -12,6 +12,7 @@ import msgspec
 
 from swarmsim.core.durations import iterations_in, told
 from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.scenario import shipped
 from swarmsim.core.scenario.expect import (
     KEY,
     Expect,
@@ -50,9 +51,13 @@ class Known:
 
 
 def files_of(paths: Sequence[Path]) -> list[Path]:
-    """The files among these, and those with expectations in these folders. Raises InputError if there are none."""
+    """The files among these, named ones that ship, and those with expectations in these folders.
+
+    Raises InputError if there are none.
+    """
     found: list[Path] = []
-    for path in paths:
+    for given in paths:
+        path = given if given.is_dir() else shipped.found(given)
         inside = [file for file in sorted(path.rglob("*.toml")) if expects(file)] if path.is_dir() else [path]
         if not inside:
             raise InputError(f"{path}: no file in it has [[{KEY}]]; expected a scenario or a study that has")
@@ -106,7 +111,7 @@ def _struck(
     words = [cell] if cell not in ("", "base") else []
     words += [f"{key}={shown(value)}" for key, value in expect.set.items()]
     if expect.faults:
-        base = path.parent / study.scenario
+        base = shipped.found(study.scenario, folder=path.parent)
         scenario = changed(
             f"{place}.set", read_toml(base, "the study's scenario file"), {**study.set, **changes}, base.parent
         )
