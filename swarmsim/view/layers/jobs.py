@@ -82,7 +82,7 @@ class DrawnTable(ABC):
         return self._scale
 
 
-class ScaledTable(DrawnTable):
+class ScaledTable(DrawnTable, ABC):
     """A table of numbers in the colours of the scale."""
 
     @property
