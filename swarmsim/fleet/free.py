@@ -9,6 +9,7 @@ from typing import Final, final
 
 import msgspec
 
+from swarmsim.core.errors import InputError
 from swarmsim.core.messages import FrameError
 from swarmsim.core.readings import Channels
 from swarmsim.core.robot import Deed, Sensed
@@ -150,7 +151,7 @@ class FreeEnd:
         robot, counts = telegram.robot, self._lines.counts
         try:
             if telegram.kind == wire.JOIN:
-                self._lines.admit(telegram)
+                self._admit(telegram)
             elif telegram.kind == wire.READY:
                 self._dog.forget(robot)
                 self.ready.add(robot)
@@ -165,6 +166,15 @@ class FreeEnd:
                 counts["late frame" if telegram.kind == wire.SAID else "out of turn"] += 1
         except FrameError:
             counts["no telegram"] += 1
+
+    def _admit(self, telegram: Telegram) -> None:
+        """Let a robot join. Raises InputError for a second one of its number; during the run it is only counted."""
+        try:
+            self._lines.admit(telegram)
+        except InputError:
+            if not self.iterations:
+                raise
+            self._lines.counts["second of its number"] += 1
 
 
 def heard_by(deeds: Sequence[Sequence[Deed]], now: int) -> list[tuple[int, int, int]]:

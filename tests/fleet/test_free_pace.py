@@ -30,9 +30,10 @@ from swarmsim.fleet.lines import RobotLines
 from swarmsim.fleet.logbook import entries
 from swarmsim.fleet.robot_process import RobotAsked
 from swarmsim.fleet.robot_process import run as robot_run
-from swarmsim.fleet.terms import PATIENCE
+from swarmsim.fleet.terms import FROM_ROBOTS, PATIENCE
 from swarmsim.fleet.transport import WORLD
 from swarmsim.fleet.watchdog import Watchdog
+from swarmsim.fleet.wire import Telegram
 
 ROOM = ROOT / "scenarios" / "room.toml"
 FORMATION = ROOT / "scenarios" / "operations" / "formation.toml"
@@ -266,3 +267,19 @@ def test_a_robot_ends_with_its_world_or_waits_for_another_one(
     second.close()
     kinds = [entry.kind for entry in entries(tmp_path / "1.log")]
     assert kinds.count(wire.CHARGE) == 2  # its log goes on
+
+
+def test_strangers_at_a_free_pace_are_counted(tmp_path: Path) -> None:
+    fleet = free_fleet(ROOM, pace=10.0, iterations=6)
+    with in_threads(fleet, str(tmp_path)) as (there, _):
+        stranger = transport("memory").open(str(tmp_path), 9).channel(FROM_ROBOTS)
+        fleet.run.simulation.tick()
+        for data in (b"hello", Telegram(wire.JOIN, 1, 12345).packed(), Telegram(wire.DEED, 1, 5).packed()):
+            stranger.say(data)
+        late = Telegram(wire.DEED, 1, 0, tuple(np.zeros(2) for _ in range(8))).packed()
+        stranger.say(late)
+        fleet.run.simulation.run([])
+    counts = there.lines.counts
+    assert counts["no telegram"] == 1
+    assert counts["second of its number"] == 1
+    assert counts["out of turn"] >= 2
