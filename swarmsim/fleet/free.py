@@ -16,7 +16,7 @@ from swarmsim.core.robot import Deed, Sensed
 from swarmsim.fleet import logbook, wire
 from swarmsim.fleet.lines import RobotLines
 from swarmsim.fleet.logbook import Came, Logbook
-from swarmsim.fleet.terms import LATE
+from swarmsim.fleet.terms import LATE, PATIENCE
 from swarmsim.fleet.transport import LinkError
 from swarmsim.fleet.watchdog import Watchdog
 from swarmsim.fleet.wire import Ears, Telegram
@@ -47,6 +47,7 @@ class FreeEnd:
         self._deeds: list[list[Deed]] = [[] for _ in lines.charges]  # that have come and are not taken yet
         self._told = [0] * len(lines.charges)  # how many of these are in the log
         self._newest = [-1] * len(lines.charges)  # the iteration of the newest of these and all before
+        self._away: dict[int, int] = {}  # robots that have gone, and their processes
         #: The robots that are ready; what is told to others would be lost.
         self.ready: set[int] = set()
         #: Iterations, and those at whose end a robot had not decided.
@@ -68,10 +69,20 @@ class FreeEnd:
                 raise LinkError(told)
 
     def forget(self, robots: Sequence[int]) -> None:
-        """These robots have gone; when they are back, they begin anew."""
+        """These robots have gone; one that starts again begins anew."""
         for robot in robots:
             self.ready.discard(robot)
-            self._lines.forget(robot)
+            self._away[robot] = self._lines.forget(robot)
+
+    def regain(self, present: set[int]) -> None:
+        """Robots that are present again without having started again are ready as they were."""
+        for robot in present & self._away.keys():
+            self._lines.pids[robot] = self._away.pop(robot)
+            self.ready.add(robot)
+
+    def is_silent(self, robot: int) -> bool:
+        """Whether it has not decided for PATIENCE periods."""
+        return self._now - self._newest[robot] > PATIENCE
 
     def sense(self, sensed: Sequence[Sensed]) -> list[bytes]:
         """What each robot says in time, as a frame; empty for nothing."""
@@ -154,6 +165,7 @@ class FreeEnd:
                 self._admit(telegram)
             elif telegram.kind == wire.READY:
                 self._dog.forget(robot)
+                self._away.pop(robot, None)
                 self.ready.add(robot)
                 self._joined.append(robot)
             elif telegram.kind == wire.SAID and telegram.iteration == self._now:

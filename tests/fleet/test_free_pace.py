@@ -24,10 +24,12 @@ from swarmsim.api.fleets import pace_of, strikes
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Ends, Lost, Regained
 from swarmsim.core.robot import Deed, idle
-from swarmsim.fleet import wire
+from swarmsim.fleet import running, wire
 from swarmsim.fleet.diaries import lives
 from swarmsim.fleet.lines import RobotLines
 from swarmsim.fleet.logbook import entries
+from swarmsim.fleet.processes import Processes
+from swarmsim.fleet.robot_end import RobotEnd
 from swarmsim.fleet.robot_process import RobotAsked
 from swarmsim.fleet.robot_process import run as robot_run
 from swarmsim.fleet.terms import FROM_ROBOTS, PATIENCE
@@ -283,3 +285,46 @@ def test_strangers_at_a_free_pace_are_counted(tmp_path: Path) -> None:
     assert counts["no telegram"] == 1
     assert counts["second of its number"] == 1
     assert counts["out of turn"] >= 2
+
+
+class Unseen:
+    """A world's link that at times does not know who is there."""
+
+    def __init__(self, link) -> None:
+        self._link, self.hides = link, False
+        self.channel, self.close, self.mtu = link.channel, link.close, link.mtu
+
+    def present(self) -> set[int]:
+        return set() if self.hides else self._link.present()
+
+
+def test_robots_that_are_away_for_a_while_come_back(tmp_path: Path) -> None:
+    fleet, place = free_fleet(ROOM, pace=10.0, iterations=40), str(tmp_path)
+    world = Unseen(transport("memory").open(place, WORLD))
+    robots = [RobotEnd(transport("memory").open(place, number), number) for number in range(3)]
+    threads = [threading.Thread(target=one.run) for one in robots]
+    for one in threads:
+        one.start()
+    kept = Kept()
+    with running.met(fleet, world, fleet.charges(), Processes([])) as there:
+        simulation = fleet.run.simulation
+        simulation.tick([kept])
+        world.hides = True
+        simulation.tick([kept])
+        assert not [event for event in kept.moments[-1].events if isinstance(event, Lost)]  # they go on deciding
+        there.free.ready.discard(2)  # told nothing, it is silent
+        while not (lost := [event for event in kept.moments[-1].events if isinstance(event, Lost)]):
+            simulation.tick([kept])
+        assert lost[0].robots == (2,)
+        assert simulation.state.iteration <= 2 + PATIENCE + 2
+        world.hides = False
+        while not (back := [event for event in kept.moments[-1].events if isinstance(event, Regained)]):
+            simulation.tick([kept])
+        assert back[0].robots == (2,)
+        simulation.tick([kept])
+        simulation.tick([kept])
+    assert kept.moments[-1].state.alive.all()
+    assert there.free.ready == {0, 1, 2}
+    for one in threads:
+        one.join()
+    world.close()
