@@ -328,3 +328,15 @@ def test_robots_that_are_away_for_a_while_come_back(tmp_path: Path) -> None:
     for one in threads:
         one.join()
     world.close()
+
+
+def test_no_process_is_left_when_a_world_with_a_paused_robot_is_killed(tmp_path: Path) -> None:
+    words = ["fleet", "up", str(ROOM), "--pace", "10", "--transport", "udp", "--quiet", "--out", str(tmp_path / "run")]
+    world = subprocess.Popen([sys.executable, "-m", "swarmsim", *words, "--pause", "1@2"], cwd=ROOT)
+    file = tmp_path / "run" / "fleet.json"
+    until(file.exists, 60.0)
+    pids = list(json.loads(file.read_text())["robots"].values())
+    until(lambda: Path(f"/proc/{pids[1]}/stat").read_text().rpartition(")")[2].split()[0] == "T", 10.0)
+    world.kill()
+    world.wait()
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), 10.0)
