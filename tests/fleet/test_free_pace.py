@@ -206,6 +206,7 @@ def test_robots_come_late_and_come_back_with_an_empty_map_or_their_own(tmp_path:
     assert any(one.recalls for one in logged)
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_lost_is_told_and_its_body_stays(tmp_path: Path) -> None:
     words = ["fleet", "up", str(ROOM), "--pace", "10", "--transport", "udp", "--quiet", "--out", str(tmp_path / "run")]
     world = subprocess.Popen([sys.executable, "-m", "swarmsim", *words, *long(25)], cwd=ROOT)
