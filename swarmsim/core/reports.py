@@ -97,8 +97,12 @@ def adopt(computation: AnyComputation, reports: Sequence[Report], inbox: Inbox[M
 
 
 def combined(computation: AnyComputation, row: int, before: Report, came: Sequence[Report]) -> Report:
-    """One report for those of a robot that `came` in an iteration: by default the last one that there is."""
+    """One report for those of a robot that `came` in an iteration: by default the last one that there is.
+
+    Raises FrameError for what cannot have been reported.
+    """
     own = COMBINING.of(computation)
-    if own is not None:
-        return own.combined(row, before, came)
-    return came[-1] if came else before
+    try:
+        return (came[-1] if came else before) if own is None else own.combined(row, before, came)
+    except (ValueError, IndexError, TypeError) as problem:
+        raise FrameError(f"a report of what {computation.knowledge_type.__name__} cannot be: {problem}") from problem

@@ -9,13 +9,14 @@ from typing import Final, final
 
 import msgspec
 
+from swarmsim.core.errors import InputError
 from swarmsim.core.messages import FrameError
 from swarmsim.core.readings import Channels
 from swarmsim.core.robot import Deed, Sensed
 from swarmsim.fleet import logbook, wire
 from swarmsim.fleet.lines import RobotLines
 from swarmsim.fleet.logbook import Came, Logbook
-from swarmsim.fleet.terms import LATE
+from swarmsim.fleet.terms import LATE, PATIENCE
 from swarmsim.fleet.transport import LinkError
 from swarmsim.fleet.watchdog import Watchdog
 from swarmsim.fleet.wire import Ears, Telegram
@@ -46,6 +47,7 @@ class FreeEnd:
         self._deeds: list[list[Deed]] = [[] for _ in lines.charges]  # that have come and are not taken yet
         self._told = [0] * len(lines.charges)  # how many of these are in the log
         self._newest = [-1] * len(lines.charges)  # the iteration of the newest of these and all before
+        self._away: dict[int, int] = {}  # robots that have gone, and their processes
         #: The robots that are ready; what is told to others would be lost.
         self.ready: set[int] = set()
         #: Iterations, and those at whose end a robot had not decided.
@@ -67,10 +69,20 @@ class FreeEnd:
                 raise LinkError(told)
 
     def forget(self, robots: Sequence[int]) -> None:
-        """These robots have gone; when they are back, they begin anew."""
+        """These robots have gone; one that starts again begins anew."""
         for robot in robots:
             self.ready.discard(robot)
-            self._lines.forget(robot)
+            self._away[robot] = self._lines.forget(robot)
+
+    def regain(self, present: set[int]) -> None:
+        """Robots that are present again without having started again are ready as they were."""
+        for robot in present & self._away.keys():
+            self._lines.pids[robot] = self._away.pop(robot)
+            self.ready.add(robot)
+
+    def is_silent(self, robot: int) -> bool:
+        """Whether it has not decided for PATIENCE periods."""
+        return self._now - self._newest[robot] > PATIENCE
 
     def sense(self, sensed: Sequence[Sensed]) -> list[bytes]:
         """What each robot says in time, as a frame; empty for nothing."""
@@ -150,9 +162,10 @@ class FreeEnd:
         robot, counts = telegram.robot, self._lines.counts
         try:
             if telegram.kind == wire.JOIN:
-                self._lines.admit(telegram)
+                self._admit(telegram)
             elif telegram.kind == wire.READY:
                 self._dog.forget(robot)
+                self._away.pop(robot, None)
                 self.ready.add(robot)
                 self._joined.append(robot)
             elif telegram.kind == wire.SAID and telegram.iteration == self._now:
@@ -165,6 +178,15 @@ class FreeEnd:
                 counts["late frame" if telegram.kind == wire.SAID else "out of turn"] += 1
         except FrameError:
             counts["no telegram"] += 1
+
+    def _admit(self, telegram: Telegram) -> None:
+        """Let a robot join. Raises InputError for a second one of its number; during the run it is only counted."""
+        try:
+            self._lines.admit(telegram)
+        except InputError:
+            if not self.iterations:
+                raise
+            self._lines.counts["second of its number"] += 1
 
 
 def heard_by(deeds: Sequence[Sequence[Deed]], now: int) -> list[tuple[int, int, int]]:

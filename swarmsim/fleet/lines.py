@@ -69,9 +69,9 @@ class RobotLines:
             )
         self.tell(Telegram(wire.CHARGE, robot, pieces=(self.charges[robot].packed(), self.terms.packed())))
 
-    def forget(self, robot: int) -> None:
-        """A robot has gone: another process may join under its number."""
-        self.pids.pop(robot, None)
+    def forget(self, robot: int) -> int:
+        """A robot has gone: another process may join under its number. Gives its own; 0 for none."""
+        return self.pids.pop(robot, 0)
 
     def end(self) -> None:
         """Tell all robots that the run has ended."""

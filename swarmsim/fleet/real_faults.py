@@ -86,7 +86,9 @@ class ProcessWatch:
         robots = range(len(lines.charges))
         if processes is None:
             present = lines.present()
-            gone, paused = [one for one in robots if one not in present], list[int]()
+            self._crew.regain(present)
+            silent = filter(self._crew.is_silent, robots)
+            gone, paused = [one for one in silent if one not in present], list[int]()
         else:
             gone, paused = list(filter(processes.is_gone, robots)), list(filter(processes.is_paused, robots))
         seen = ProcessesSeen(now, tuple(gone), tuple(paused), tuple(sorted(self._crew.ready)))

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import ctypes
 import os
+import signal
 import sys
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 from swarmsim.core.errors import InputError, StorageError
 from swarmsim.core.scenario import registry
@@ -20,6 +23,7 @@ from swarmsim.fleet.terms import AGAIN
 from swarmsim.fleet.transport import LinkError
 
 BAD_INPUT, LOST = 2, 3  # exit codes
+_PR_SET_PDEATHSIG: Final = 1  # of Linux's prctl: which signal tells of the parent's end
 
 
 def _end_with_parent() -> None:
@@ -30,6 +34,8 @@ def _end_with_parent() -> None:
             pass
         os._exit(LOST)
 
+    with suppress(OSError, AttributeError):  # on Linux alone: a stopped process watches nothing
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     threading.Thread(target=watch, daemon=True).start()
 
 

@@ -24,15 +24,18 @@ from swarmsim.api.fleets import pace_of, strikes
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Ends, Lost, Regained
 from swarmsim.core.robot import Deed, idle
-from swarmsim.fleet import wire
+from swarmsim.fleet import running, wire
 from swarmsim.fleet.diaries import lives
 from swarmsim.fleet.lines import RobotLines
 from swarmsim.fleet.logbook import entries
+from swarmsim.fleet.processes import Processes
+from swarmsim.fleet.robot_end import RobotEnd
 from swarmsim.fleet.robot_process import RobotAsked
 from swarmsim.fleet.robot_process import run as robot_run
-from swarmsim.fleet.terms import PATIENCE
+from swarmsim.fleet.terms import FROM_ROBOTS, PATIENCE
 from swarmsim.fleet.transport import WORLD
 from swarmsim.fleet.watchdog import Watchdog
+from swarmsim.fleet.wire import Telegram
 
 ROOM = ROOT / "scenarios" / "room.toml"
 FORMATION = ROOT / "scenarios" / "operations" / "formation.toml"
@@ -203,6 +206,7 @@ def test_robots_come_late_and_come_back_with_an_empty_map_or_their_own(tmp_path:
     assert any(one.recalls for one in logged)
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_lost_is_told_and_its_body_stays(tmp_path: Path) -> None:
     words = ["fleet", "up", str(ROOM), "--pace", "10", "--transport", "udp", "--quiet", "--out", str(tmp_path / "run")]
     world = subprocess.Popen([sys.executable, "-m", "swarmsim", *words, *long(25)], cwd=ROOT)
@@ -266,3 +270,74 @@ def test_a_robot_ends_with_its_world_or_waits_for_another_one(
     second.close()
     kinds = [entry.kind for entry in entries(tmp_path / "1.log")]
     assert kinds.count(wire.CHARGE) == 2  # its log goes on
+
+
+def test_strangers_at_a_free_pace_are_counted(tmp_path: Path) -> None:
+    fleet = free_fleet(ROOM, pace=10.0, iterations=6)
+    with in_threads(fleet, str(tmp_path)) as (there, _):
+        stranger = transport("memory").open(str(tmp_path), 9).channel(FROM_ROBOTS)
+        fleet.run.simulation.tick()
+        for data in (b"hello", Telegram(wire.JOIN, 1, 12345).packed(), Telegram(wire.DEED, 1, 5).packed()):
+            stranger.say(data)
+        late = Telegram(wire.DEED, 1, 0, tuple(np.zeros(2) for _ in range(8))).packed()
+        stranger.say(late)
+        fleet.run.simulation.run([])
+    counts = there.lines.counts
+    assert counts["no telegram"] == 1
+    assert counts["second of its number"] == 1
+    assert counts["out of turn"] >= 2
+
+
+class Unseen:
+    """A world's link that at times does not know who is there."""
+
+    def __init__(self, link) -> None:
+        self._link, self.hides = link, False
+        self.channel, self.close, self.mtu = link.channel, link.close, link.mtu
+
+    def present(self) -> set[int]:
+        return set() if self.hides else self._link.present()
+
+
+def test_robots_that_are_away_for_a_while_come_back(tmp_path: Path) -> None:
+    fleet, place = free_fleet(ROOM, pace=10.0, iterations=40), str(tmp_path)
+    world = Unseen(transport("memory").open(place, WORLD))
+    robots = [RobotEnd(transport("memory").open(place, number), number) for number in range(3)]
+    threads = [threading.Thread(target=one.run) for one in robots]
+    for one in threads:
+        one.start()
+    kept = Kept()
+    with running.met(fleet, world, fleet.charges(), Processes([])) as there:
+        simulation = fleet.run.simulation
+        simulation.tick([kept])
+        world.hides = True
+        simulation.tick([kept])
+        assert not [event for event in kept.moments[-1].events if isinstance(event, Lost)]  # they go on deciding
+        there.free.ready.discard(2)  # told nothing, it is silent
+        while not (lost := [event for event in kept.moments[-1].events if isinstance(event, Lost)]):
+            simulation.tick([kept])
+        assert lost[0].robots == (2,)
+        assert simulation.state.iteration <= 2 + PATIENCE + 2
+        world.hides = False
+        while not (back := [event for event in kept.moments[-1].events if isinstance(event, Regained)]):
+            simulation.tick([kept])
+        assert back[0].robots == (2,)
+        simulation.tick([kept])
+        simulation.tick([kept])
+    assert kept.moments[-1].state.alive.all()
+    assert there.free.ready == {0, 1, 2}
+    for one in threads:
+        one.join()
+    world.close()
+
+
+def test_no_process_is_left_when_a_world_with_a_paused_robot_is_killed(tmp_path: Path) -> None:
+    words = ["fleet", "up", str(ROOM), "--pace", "10", "--transport", "udp", "--quiet", "--out", str(tmp_path / "run")]
+    world = subprocess.Popen([sys.executable, "-m", "swarmsim", *words, "--pause", "1@2"], cwd=ROOT)
+    file = tmp_path / "run" / "fleet.json"
+    until(file.exists, 60.0)
+    pids = list(json.loads(file.read_text())["robots"].values())
+    until(lambda: Path(f"/proc/{pids[1]}/stat").read_text().rpartition(")")[2].split()[0] == "T", 10.0)
+    world.kill()
+    world.wait()
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), 10.0)
