@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from swarmsim.api.expectations import Expectations, open_expectations, test
     from swarmsim.api.fleets import fleet_merge, fleet_status, fleet_up, robot_charge, world_serve
     from swarmsim.api.imports import world_import
+    from swarmsim.api.logs import import_log
     from swarmsim.api.papers import reproduce
     from swarmsim.api.radios import radio_airtime
     from swarmsim.api.recorded import Run
@@ -50,8 +51,8 @@ __version__ = "0.1.0"
 __all__ = [
     "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board",
     "benchmark_explore", "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor",
-    "example", "examples", "examples_copy", "fleet_merge", "fleet_status", "fleet_up", "new", "open",
-    "open_expectations", "open_study", "parts", "radio_airtime", "radio_keys", "reproduce", "robot_charge", "run",
+    "example", "examples", "examples_copy", "fleet_merge", "fleet_status", "fleet_up", "import_log", "new",
+    "open", "open_expectations", "open_study", "parts", "radio_airtime", "radio_keys", "reproduce", "robot_charge", "run",
     "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert", "world_generate",
     "world_import", "world_preview", "world_serve",
 ]  # fmt: skip
@@ -76,6 +77,7 @@ _PLACES = {
     "fleet_merge": "api.fleets:fleet_merge",
     "fleet_status": "api.fleets:fleet_status",
     "fleet_up": "api.fleets:fleet_up",
+    "import_log": "api.logs:import_log",
     "new": "api.skeletons:new",
     "open": "api.runs:open",
     "open_expectations": "api.expectations:open_expectations",

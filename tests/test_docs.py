@@ -72,7 +72,7 @@ def commands_of(document: str) -> list[str]:
 def done(command: str, folder: Path, offspring: Offspring) -> subprocess.CompletedProcess[str]:
     """What becomes of a page's command; a shell starts those that start processes of their own."""
     words = shlex.split(command)[1:]
-    if words[0] not in ("study", "reproduce"):
+    if words[0] not in ("study", "reproduce", "fleet"):
         return offspring.ended(words, folder)
     typed = f"{sys.executable} -m {command}"
     return subprocess.run(typed, shell=True, cwd=folder, capture_output=True, text=True, check=False)
@@ -91,7 +91,7 @@ def run_in_order(document: str, folder: Path, offspring: Offspring, shortened: C
             )
 
 
-IN_ORDER = ["README.md", "docs/tutorial.md", "docs/looking.md"]
+IN_ORDER = ["README.md", "docs/tutorial.md", "docs/looking.md", "docs/on-robots.md"]
 EARLY = " --set stop.iterations=40"
 
 
@@ -101,7 +101,8 @@ def test_the_commands_of_a_page_run_in_their_order(tmp_path: Path, offspring: Of
 
     def shortened(text: str) -> str:
         if text.startswith("swarmsim"):
-            return "" if " reproduce " in text else text + (EARLY if text.startswith("swarmsim run ") else "")
+            runs = text.startswith(("swarmsim run ", "swarmsim fleet up "))
+            return "" if " reproduce " in text else text + (EARLY if runs else "")
         assert "seeds = 10" in text
         return text.replace("seeds = 10", "seeds = 3")
 

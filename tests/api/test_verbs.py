@@ -62,6 +62,7 @@ FUNCTIONS = {
     "examples": "examples",
     "examples run": "example",
     "examples copy": "examples_copy",
+    "import-log": "import_log",
     "fleet up": "fleet_up",
     "fleet merge": "fleet_merge",
     "fleet status": "fleet_status",
