@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Final, get_args
 
+import msgspec
+
 from swarmsim.core import events
 from swarmsim.core.crew import Body
 from swarmsim.core.errors import InputError, nearest
@@ -161,10 +163,8 @@ def _default(one: Parameter) -> str:
 
 
 def _presets(presets: dict[str, dict[str, object]], columns: Sequence[str]) -> list[str]:
-    rows = (
-        (f"`{name}`", *(f"{table.get(one, getattr(Body(), one, ''))}" for one in columns))
-        for name, table in presets.items()
-    )
+    usual = {field.name: field.default for field in msgspec.structs.fields(Body)}
+    rows = ([f"`{name}`", *(str({**usual, **table}[one]) for one in columns)] for name, table in presets.items())
     return _table(("name", *(f"`{one}`" for one in columns)), rows)
 
 
