@@ -52,9 +52,9 @@ __all__ = [
     "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board",
     "benchmark_explore", "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor",
     "example", "examples", "examples_copy", "fleet_merge", "fleet_status", "fleet_up", "import_log", "new",
-    "open", "open_expectations", "open_study", "parts", "radio_airtime", "radio_keys", "reproduce", "robot_charge", "run",
-    "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert", "world_generate",
-    "world_import", "world_preview", "world_serve",
+    "open", "open_expectations", "open_study", "parts", "radio_airtime", "radio_keys", "reproduce", "robot_charge",
+    "run", "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert",
+    "world_generate", "world_import", "world_preview", "world_serve",
 ]  # fmt: skip
 
 _PLACES = {
