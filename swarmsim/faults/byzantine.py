@@ -122,9 +122,8 @@ class Replayed:
         kept = ~rows | there | (old == old_starts[owners])
         ends = np.concatenate([np.zeros(1, np.int64), np.cumsum(kept)])[said.ends]
         told = replace(said, content=replace(content, **columns).take(kept), ends=ends, sizes=said.sizes.copy())
-        for robot in np.unique(
-            owners[rows & (said.sizes[owners] > 0)]
-        ).tolist():  # the old one may be longer or shorter
+        lying = np.unique(owners[rows & (said.sizes[owners] > 0)])
+        for robot in lying.tolist():  # the old message may be longer or shorter
             told.sizes[robot] = len(self._codec.pack(robot, 0, whole(told, robot)))
         return told
 

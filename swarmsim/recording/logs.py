@@ -123,7 +123,7 @@ def _bag(file: Path) -> Iterator[tuple[str, list[float]]]:
             for connection, _, data in reader.messages(wanted):
                 robot = float(re.findall(r"\d+", connection.topic)[-1])
                 yield _told(connection.msgtype, robot, reader.deserialize(data, connection.msgtype))
-    except AnyReaderError as problem:
+    except (AnyReaderError, OSError) as problem:
         raise InputError(f"{file}: {problem}; expected a rosbag2 folder, an MCAP file, or .csv") from problem
 
 

@@ -128,13 +128,18 @@ def test_a_computation_of_ones_own_can_have_lies_of_its_own(tmp_path: Path) -> N
     np.testing.assert_allclose(inbox.content.x, pose[inbox.senders, 0] + 7.0 * (inbox.senders == 1))
 
 
-def test_a_replay_keeps_where_items_come_from_and_says_nothing_where_there_was_less() -> None:
+def test_a_replay_keeps_where_items_come_from_and_says_no_more_than_there_was() -> None:
     def said(numbers: list[float], by: int) -> Broadcast[Numbers]:
         items = Numbers(np.array(numbers), np.full(len(numbers), by, np.int32))
         return Broadcast(items, np.array([len(numbers)]), np.array([9], np.int32))
 
-    replayed = Replayed(1)
+    class EightBytesEach:
+        def pack(self, sender: int, iteration: int, items: Numbers) -> bytes:
+            return bytes(8 * len(items))
+
+    replayed = Replayed(1, EightBytesEach())  # type: ignore[arg-type] - nobody hears it
     replayed(said([1.0, 2.0], 5), np.zeros(2, np.bool_))
-    told = replayed(said([3.0, 4.0, 6.0], 8), np.ones(3, np.bool_)).content
-    assert told.number.tolist() == [1.0, 2.0, -1.0]
-    assert told.said_by.tolist() == [8, 8, 8]
+    message = replayed(said([3.0, 4.0, 6.0], 8), np.ones(3, np.bool_))
+    assert message.content.number.tolist() == [1.0, 2.0]
+    assert message.content.said_by.tolist() == [8, 8]
+    assert message.sizes.tolist() == [16]

@@ -80,7 +80,7 @@ def test_its_robots_make_the_run_of_one_process(small: Path, monkeypatch: pytest
     build(fleet.run.scenario, str(path)).simulation.run([whole])
     monkeypatch.setattr(sys, "executable", str(small / "python"))
     with running.up(fleet, "udp") as crew:
-        for pid in crew.pids.values():
+        for pid in crew.processes.pids.values():
             maps = Path(f"/proc/{pid}/maps").read_text()
             assert "/numpy/" in maps
             assert not [name for name in ("numba", "scipy", "shapely", "pymunk") if f"/{name}" in maps]

@@ -294,6 +294,7 @@ class _Draw:
             "contention": {
                 "radio": lambda: OMITTED, "bytes_per_second": lambda: dice.choice((300.0, 3000.0)),
                 "overhead": lambda: self._maybe(12.0), "duty": lambda: self._maybe(0.05),
+                "access": lambda: self._maybe(dice.choice(("slotted", "csma"))), "reach": lambda: self._maybe(2.0),
             },
             "tdma": {"bytes": lambda: self._maybe(dice.choice((20.0, 200.0)))},
             "path-loss": {
@@ -463,6 +464,9 @@ class _Draw:
             law = self._dice.choice(("fixed", "geometric"))
             delay = float(self._dice.randint(0, 3)) if law == "fixed" else round(self._dice.uniform(0.0, 2.0), 2)
             table |= {"law": law, "delay": delay}
+        if use == "contention" and self._dice.random() < 0.5:
+            table = {**table, "radio": self._dice.choice(("BLE", "802.15.4", "ESP-NOW"))}
+            table = {key: value for key, value in table.items() if key not in ("bytes_per_second", "overhead")}
         if use != "perfect" and self._dice.random() < LAYERED:
             table["over"] = self._channel()
         return table

@@ -160,7 +160,7 @@ PLANTED: dict[str, tuple[int, Plant, str]] = {
         r"more or less was heard",
     ),
     "a job that hears another one": (
-        3,
+        137,
         wrapped(MessageBuffer, "_opened", the_first_jobs_part),
         r"more or less was heard|changed on its way",
     ),
