@@ -38,7 +38,7 @@ class Combining(Protocol):
     """A computation whose reports tell what is new: several have to be combined, and none is not the last one again."""
 
     def combined(self, row: int, before: Report, came: Sequence[Report]) -> Report:
-        """One report for those of a robot that `came` in an iteration, of which there may be none.
+        """Join the reports of a robot that `came` in an iteration into one; there may be none.
 
         `before` is what it reported last before these; `row` is the robot's.
         """

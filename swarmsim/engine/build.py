@@ -68,7 +68,7 @@ class BuiltRun:
         return self.start.explore()
 
     def recorder(self, path: Path, absent: Sequence[str] = ()) -> Recorder:
-        """An observer that records the run in a new file, of which some things are `absent`."""
+        """An observer that records the run in a new file, without what is `absent`."""
         arena, curve = self.arena, self.simulation.parts.task.curve
         parts = self.simulation.parts
         return Recorder(

@@ -93,7 +93,7 @@ def test_the_example_of_a_key_can_be_read(key: str) -> None:
 def test_the_examples_of_lists_and_studies_are_toml() -> None:
     for key in KEYS:
         if (text := reference.example_of(KEYS[key])) != "none":
-            tomllib.loads(f"x = {text}")
+            assert list(tomllib.loads(f"x = {text}")) == ["x"]
 
 
 def test_editors_show_the_same_words() -> None:

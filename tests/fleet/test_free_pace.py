@@ -341,3 +341,4 @@ def test_no_process_is_left_when_a_world_with_a_paused_robot_is_killed(tmp_path:
     world.kill()
     world.wait()
     until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), 10.0)
+    assert not any(Path(f"/proc/{pid}").exists() for pid in pids)
