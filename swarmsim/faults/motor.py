@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -16,7 +16,7 @@ from swarmsim.core.state import Intents
 from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline
 from swarmsim.robots.kinematics import TwoWheels, drives_of
-from swarmsim.robots.motion import Compiled
+from swarmsim.robots.motion import Compiled, Course
 
 SIDES = {"left": (True, False), "right": (False, True), "both": (True, True)}
 
@@ -95,10 +95,12 @@ class FailingMotion(Compiled):
         np.copyto(wanted, wanted * self._gain + self._bias, where=self._failing)
         return wanted
 
-    def course(self, wheels: TwoWheels) -> tuple[Any, ...] | None:
+    def course(self, wheels: TwoWheels) -> Course | None:
         """The course of the wrapped motion with one failure more, if it has one."""
         inner = self._inner.course(wheels) if isinstance(self._inner, Compiled) else None
         if inner is None:
             return None
-        *way, failing, laws = inner
-        return (*way, np.concatenate([failing, self._failing[None]]), np.vstack([laws, (self._gain, self._bias)]))
+        return inner._replace(
+            failing=np.concatenate([inner.failing, self._failing[None]]),
+            laws=np.vstack([inner.laws, (self._gain, self._bias)]),
+        )

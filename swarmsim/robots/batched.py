@@ -7,7 +7,7 @@ would crash the process or spoil numbers; therefore `check` compares them with w
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pymunk
@@ -42,7 +42,7 @@ STRUCTS: Final = {
 
 def addresses(
     space: pymunk.Space, reading: batch.Buffer, writing: batch.Buffer
-) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.int32], Any]:
+) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.int32], list[object]]:
     """The addresses of Chipmunk's functions and their data, for `drive.roll`: `engine`, `written` and `read`.
 
     The last item is the data, to be kept as long as it is used. pymunk's `Space.step` and batch calls use the same.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Annotated, Any
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -31,12 +31,29 @@ class PurePursuit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
         return WaypointFollower(self, context)
 
 
+class Course(NamedTuple):
+    """The arguments of `drive.roll` from `waypoints` on."""
+
+    waypoints: NDArray[np.float64]
+    counts: NDArray[np.int32]
+    cursor: NDArray[np.int64]
+    ahead: NDArray[np.float64]
+    paces: NDArray[np.float64]
+    aims: NDArray[np.float64]
+    wanted: NDArray[np.float64]
+    turning: NDArray[np.bool_]
+    twisting: NDArray[np.float64]
+    rims: NDArray[np.float64]
+    failing: NDArray[np.bool_]
+    laws: NDArray[np.float64]
+
+
 class Compiled(ABC):
     """A motion whose commands to two wheels the compiled loop of sub-steps can give itself."""
 
     @abstractmethod
-    def course(self, wheels: TwoWheels) -> tuple[Any, ...] | None:
-        """The arguments of `drive.roll` from `waypoints` on, for one period; None if it has to be asked after all."""
+    def course(self, wheels: TwoWheels) -> Course | None:
+        """The robots' courses for one period; None if the motion has to be asked after all."""
 
 
 class WaypointFollower(Compiled):
@@ -87,9 +104,9 @@ class WaypointFollower(Compiled):
         self._wanted[self._turning] = self._twisting[self._turning]
         return self._wanted
 
-    def course(self, wheels: TwoWheels) -> tuple[Any, ...]:
+    def course(self, wheels: TwoWheels) -> Course:
         """The way of each robot, with no failure of its motors."""
-        return (
+        return Course(
             self._waypoints, self._counts, self._cursor, self._ahead, self._paces, self._aims, self._wanted,
             self._turning, self._twisting, wheels.rims,
             np.empty((0, len(self._turning), 2), np.bool_), np.empty((0, 2)),

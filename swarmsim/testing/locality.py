@@ -202,7 +202,7 @@ def _only(inbox: Inbox[MessageBatch], robot: int) -> Inbox[MessageBatch]:
     return replace(inbox.take(np.flatnonzero(inbox.receivers == robot)), beside=beside)
 
 
-def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
+def _done(intents: Intents, robot: int) -> tuple[object, ...]:
     """One robot's decision, in a comparable form."""
     way = intents.waypoints[robot, : intents.counts[robot]]
     twist = None if intents.twists is None else intents.twists[robot]

@@ -7,7 +7,7 @@ import random
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 import tomli_w
@@ -129,7 +129,7 @@ def entry_of(tasks: TaskSet, method: Method, plan: Plan, results: Mapping[str, R
     return msgspec.structs.replace(whole, checksum=checksum(whole))
 
 
-def _parts(tasks: TaskSet, names: Iterable[str]) -> tuple[Any, ...]:
+def _parts(tasks: TaskSet, names: Iterable[str]) -> tuple[Literal["public", "held-out"], ...]:
     return tuple(sorted({task.world.part for task in tasks.tasks if task.name in set(names)}, reverse=True))
 
 

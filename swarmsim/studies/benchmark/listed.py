@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 from msgspec import Struct
@@ -49,7 +49,7 @@ def lines_of(rows: Iterable[Struct], kind: type[Struct]) -> str:
     return out.getvalue()
 
 
-def _cell(value: Any) -> str:  # noqa: ANN401 - a field of any struct
+def _cell(value: object) -> str:
     if value is None:
         return ""
     return str(value).lower() if isinstance(value, bool) else str(value)
