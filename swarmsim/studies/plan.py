@@ -178,16 +178,24 @@ def planned(
     worlds: dict[bytes, str] = {}
     notices = dict.fromkeys(files_outside(base))
 
-    def condition(name: str, change: dict[str, object]) -> Condition:
-        place = f"{path}: condition {name!r}" if name else str(path)
-        scenario = changed(place, table, {**study.set, **change}, base.parent)
-        made = checked(place, name, change, scenario, worlds, notices)
+    def place_of(name: str) -> str:
+        return f"{path}: condition {name!r}" if name else str(path)
+
+    def condition(name: str) -> Condition:
+        made = checked(place_of(name), name, cells[name], scenarios[name], worlds, notices)
         if name in named:
             return replace(made, x=named[name].x, series=named[name].series)
-        x, series = _place(study, change)
+        x, series = _place(study, cells[name])
         return replace(made, x=x, series=series)
 
-    conditions = tuple(condition(name, change) for name, change in cells.items())
+    scenarios = {
+        name: changed(place_of(name), table, {**study.set, **change}, base.parent) for name, change in cells.items()
+    }
+    buildings: dict[bytes, list[str]] = {}  # one after another, as few are kept open at a time
+    for name, scenario in scenarios.items():
+        buildings.setdefault(_world_key(scenario), []).append(name)
+    made = {name: condition(name) for names in buildings.values() for name in names}
+    conditions = tuple(made[name] for name in cells)
     return Plan(path, study, conditions, seeds, worlds, tuple(notices), keep_old)
 
 

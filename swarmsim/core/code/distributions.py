@@ -115,32 +115,49 @@ def _content(places: frozenset[Path]) -> str:
 
     It ends with CHANGED if they differ by now: then it is unknown which version this process has loaded.
     """
-    first, found = _first(places)
-    return found if _stamps(places) == first else found + CHANGED
+    files, folders, found = _first(places)
+    same = (_are_as(files) and _are_as(folders)) or _stamps(places)[
+        0
+    ] == files  # folders change by what is no code, too
+    return found if same else found + CHANGED
 
 
 @lru_cache(maxsize=64)
-def _first(places: frozenset[Path]) -> tuple[Stamps, str]:
-    stamps, made = _stamps(places), hashlib.blake2b(digest_size=8)
+def _first(places: frozenset[Path]) -> tuple[Stamps, Stamps, str]:
+    stamps, folders = _stamps(places)
+    made = hashlib.blake2b(digest_size=8)
     files = sorted(map(Path, stamps))
     above = os.path.commonpath([place.parent for place in places]) if places else ""
     for file in files:
         text = file.read_bytes()
         made.update(f"{os.path.relpath(file, above)}\0{len(text)}\0".encode())
         made.update(text)
-    return stamps, made.hexdigest()
+    return stamps, folders, made.hexdigest()
 
 
-def _stamps(places: Iterable[Path]) -> Stamps:
-    """When each of these files, and of the files of code in these folders, was last changed, and its size."""
+def _stamps(places: Iterable[Path]) -> tuple[Stamps, Stamps]:
+    """When each of these files, and of the files of code in these folders, was last changed, and its size.
+
+    Beside them those of the folders, which change when a file comes or goes.
+    """
     found: Stamps = {}
+    folders: Stamps = {}
     for place in places:
         if not place.is_dir():
             found |= {str(place): _stamp(place.stat())} if place.is_file() else {}
         for folder, _, names in os.walk(place):
+            folders[folder] = _stamp(os.stat(folder))  # noqa: PTH116 - for each run, and Path is slow
             code = [f"{folder}{os.sep}{name}" for name in names if name.endswith(".py")]
-            found |= {file: _stamp(os.stat(file)) for file in code}  # noqa: PTH116 - for each run, and Path is slow
-    return found
+            found |= {file: _stamp(os.stat(file)) for file in code}  # noqa: PTH116
+    return found, folders
+
+
+def _are_as(stamps: Stamps) -> bool:
+    """Whether these files or folders are as they were: faster than to look for them."""
+    try:
+        return all(_stamp(os.stat(path)) == stamp for path, stamp in stamps.items())  # noqa: PTH116
+    except OSError:
+        return False
 
 
 def _stamp(status: os.stat_result) -> tuple[int, int]:
