@@ -15,6 +15,7 @@ Every verb of the command line is a function here. Those about recorded runs are
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -48,6 +49,9 @@ if TYPE_CHECKING:
     from swarmsim.fleet.keyring import write_keys as radio_keys
 
 __version__ = "0.1.0"
+
+# Robots' matrices are small: several threads wait for each other, and sums would depend on the number of cores.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 __all__ = [
     "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board",
     "benchmark_explore", "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor",

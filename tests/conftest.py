@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import threadpoolctl
 import typer.main
 from hypothesis import HealthCheck, settings
 from offspring import Offspring
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parent.parent
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # even a busy one
 settings.load_profile("any machine")
+threadpoolctl.threadpool_limits(1)  # of numpy, which comes before the package here
 typer.main.get_command = cache(typer.main.get_command)  # each call would make all commands anew, in 60 ms
 
 

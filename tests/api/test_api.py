@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -35,6 +36,18 @@ def test_importing_is_cheap_and_everything_named_is_there() -> None:
     assert set(sw.__all__) < set(dir(sw))
     with pytest.raises(AttributeError, match="module 'swarmsim' has no attribute 'fly'"):
         sw.fly  # noqa: B018
+
+
+def test_algebra_takes_one_thread_unless_told_otherwise() -> None:
+    code = (
+        "import swarmsim, numpy, threadpoolctl; print({one['num_threads'] for one in threadpoolctl.threadpool_info()})"
+    )
+    for told, threads in ({}, "{1}"), ({"OPENBLAS_NUM_THREADS": "2"}, "{1}" if os.cpu_count() == 1 else "{2}"):
+        others = {key: value for key, value in os.environ.items() if key != "OPENBLAS_NUM_THREADS"}
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=others | told, capture_output=True, text=True, check=True
+        )
+        assert done.stdout.strip() == threads
 
 
 def test_a_run_is_that_of_the_command_line(run: sw.Run, tmp_path: Path) -> None:
