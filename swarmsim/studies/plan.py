@@ -174,7 +174,6 @@ def planned(
     base = shipped.found(study.scenario, folder=path.parent)
     table = read_toml(base, "the study's scenario file")
     named = {condition.name: condition for condition in study.condition}
-
     worlds: dict[bytes, str] = {}
     notices = dict.fromkeys(files_outside(base))
 
@@ -183,20 +182,15 @@ def planned(
 
     def condition(name: str) -> Condition:
         made = checked(place_of(name), name, cells[name], scenarios[name], worlds, notices)
-        if name in named:
-            return replace(made, x=named[name].x, series=named[name].series)
-        x, series = _place(study, cells[name])
+        x, series = (named[name].x, named[name].series) if name in named else _place(study, cells[name])
         return replace(made, x=x, series=series)
 
-    scenarios = {
-        name: changed(place_of(name), table, {**study.set, **change}, base.parent) for name, change in cells.items()
-    }
+    scenarios = {name: changed(place_of(name), table, {**study.set, **one}, base.parent) for name, one in cells.items()}
     buildings: dict[bytes, list[str]] = {}  # one after another, as few are kept open at a time
     for name, scenario in scenarios.items():
         buildings.setdefault(_world_key(scenario), []).append(name)
     made = {name: condition(name) for names in buildings.values() for name in names}
-    conditions = tuple(made[name] for name in cells)
-    return Plan(path, study, conditions, seeds, worlds, tuple(notices), keep_old)
+    return Plan(path, study, tuple(made[name] for name in cells), seeds, worlds, tuple(notices), keep_old)
 
 
 def checked(
@@ -264,10 +258,7 @@ def _place(study: Study, cell: dict[str, object]) -> tuple[float | None, str]:
 
 def label(cell: dict[str, object]) -> str:
     """A short name such as "k=2, count=15"."""
-    parts = []
-    for key, value in cell.items():
-        parts.append(f"{key.rpartition('.')[2]}={shown(value)}")
-    return ", ".join(parts) or "base"
+    return ", ".join(f"{key.rpartition('.')[2]}={shown(value)}" for key, value in cell.items()) or "base"
 
 
 def shown(value: object) -> object:
