@@ -8,7 +8,7 @@ INSTALL := $(BIN)/pip install --quiet --require-hashes
 COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header $(UPGRADE)
 ADDED = $(COMPILE) pyproject.toml --constraint locks/run.txt $$(sed -n 's/^\([a-z0-9-]*\)==[^;]*$$/--no-emit-package \1/p' locks/run.txt)
 
-.PHONY: demo test robot expectations dist docs test-browser test-slow bench bench-peers learning merging external soak bounds golden types format lock clean
+.PHONY: demo test robot expectations dist docs test-thorough test-browser test-slow bench bench-peers learning merging external soak bounds golden types format lock clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -28,6 +28,10 @@ robot: .venv/package
 
 expectations: .venv/package
 	$(BIN)/swarmsim test scenarios
+
+# What takes too long to wait for at every change; CI runs it, too.
+test-thorough: .venv/test
+	$(BIN)/pytest -m thorough -n 2 --dist worksteal
 
 test-browser: .venv/browser
 	$(BIN)/pytest -m browser

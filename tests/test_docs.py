@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import tomli_w
 import typer
+from _pytest.mark import ParameterSet
 from conftest import ROOT, called, jobs_here
 from offspring import Offspring
 from typer.core import TyperGroup
@@ -95,6 +96,7 @@ IN_ORDER = ["README.md", "docs/tutorial.md", "docs/looking.md", "docs/on-robots.
 EARLY = " --set stop.iterations=40"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("document", IN_ORDER)
 def test_the_commands_of_a_page_run_in_their_order(tmp_path: Path, offspring: Offspring, document: str) -> None:
     """Runs end early, a study has fewer seeds, and the paper is left to the next test."""
@@ -204,6 +206,7 @@ def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) 
         pass
 
 
+@pytest.mark.thorough
 def test_the_commands_for_contributors_run(tmp_path: Path) -> None:
     """In a copy of the needed files; for make, only its targets are checked.
 
@@ -300,10 +303,18 @@ RETURNED = {
 }  # fmt: skip
 
 
-CODE = [(page, text) for page in PAGES if page not in TOLD for text in blocks(page, "python")]
+#: What takes tens of seconds: the listings of a page, and studies of many conditions.
+DEAR = {"docs/benchmark-bounds.md", "calibration", "choice", "letter", "worlds"}
 
 
-@pytest.mark.parametrize(("page", "text"), CODE, ids=[page for page, _ in CODE])
+def marked(*values: object, name: str) -> ParameterSet:
+    return pytest.param(*values, id=name, marks=[pytest.mark.thorough] if name in DEAR else [])
+
+
+CODE = [marked(page, text, name=page) for page in PAGES if page not in TOLD for text in blocks(page, "python")]
+
+
+@pytest.mark.parametrize(("page", "text"), CODE)
 def test_every_listing_of_python_runs(
     page: str, text: str, copy: Path, room: Path, offspring: Offspring, tmp_path: Path
 ) -> None:
@@ -333,7 +344,10 @@ def test_what_a_page_says_that_a_command_prints_is_what_it_prints(room: Path) ->
         assert re.split(r"  +", line)[0] in printed
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("scenarios/studies/**/*.toml")), ids=lambda path: path.stem)
+STUDIES = [marked(path, name=path.stem) for path in sorted(ROOT.glob("scenarios/studies/**/*.toml"))]
+
+
+@pytest.mark.parametrize("path", STUDIES)
 def test_every_study_opens(path: Path) -> None:
     assert open_study(path, 1).conditions
 

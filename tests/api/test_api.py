@@ -180,6 +180,7 @@ def test_the_listing_of_the_page_runs(tmp_path: Path) -> None:
     assert (tmp_path / "curve.png").exists()
 
 
+@pytest.mark.thorough
 def test_the_notebook_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYDEVD_DISABLE_FILE_VALIDATION", "1")
     notebook = nbformat.read(ROOT / "docs" / "swarmsim.ipynb", as_version=4)

@@ -101,6 +101,7 @@ def test_types_are_put_in_words() -> None:
     assert describe.comments(nameless) == {}
 
 
+@pytest.mark.thorough
 def test_skeletons_pass_their_own_tests(tmp_path: Path) -> None:
     for kind in skeletons.kinds():
         output = run("new", kind, f"my-{kind}", "--to", str(tmp_path))
@@ -145,6 +146,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     assert not (tmp_path / "mine.py").exists()
 
 
+@pytest.mark.thorough
 def test_the_template_is_installed_found_and_passes_its_own_tests(tmp_path: Path) -> None:
     """A copy of it, in a fresh environment that sees what this one has installed, by the lines of its README."""
     copy, env = tmp_path / "weather", tmp_path / "env"

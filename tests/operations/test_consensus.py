@@ -162,6 +162,7 @@ def test_the_response_is_that_of_the_linear_equation(k: int, frequency: float) -
     assert measured == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.thorough
 def test_the_response_to_a_slow_drive_rises_with_neighbours_and_to_a_fast_one_falls() -> None:
     """Page's test of trends in blocks: each seed places its robots alike for every k."""
 

@@ -150,6 +150,7 @@ def errors(k: int, seed: int, iterations: int) -> np.ndarray:
     return np.array([moment.measured.values["error"] for moment in moments_of(made(*keys, scenario=FIELD))])
 
 
+@pytest.mark.thorough
 def test_the_error_falls_with_time_and_with_the_number_of_robots_heard() -> None:
     runs = {(k, seed): errors(k, seed, 120) for k in (0, 2, 9) for seed in range(1, 6)}
     for (k, seed), run in runs.items():
@@ -158,6 +159,7 @@ def test_the_error_falls_with_time_and_with_the_number_of_robots_heard() -> None
     assert late.pvalue < 1e-4
 
 
+@pytest.mark.thorough
 def test_a_field_that_moves_is_followed_by_letting_evidence_fade() -> None:
     def late(keys: str) -> float:
         moments = moments_of(made(keys, "stop.iterations=250", scenario=MOVING))
@@ -166,6 +168,7 @@ def test_a_field_that_moves_is_followed_by_letting_evidence_fade() -> None:
     assert late("mind.computation.half_life=8") < 0.5 * late("mind.computation.half_life=1e9")
 
 
+@pytest.mark.thorough
 def test_going_where_least_is_known_beats_going_anywhere() -> None:
     def needed(strategy: str, seed: int) -> int:
         run = made(f'mind.strategy={{use="{strategy}"}}', "task.error=0.2", f"seed={seed}", scenario=FIELD)

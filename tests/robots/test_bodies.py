@@ -297,6 +297,7 @@ class Rush:
         return self.wanted
 
 
+@pytest.mark.thorough
 def test_in_100_000_robot_steps_through_a_crowd_no_disc_enters_a_wall_or_another_disc():
     """A robot-step is one robot for one control period, here the third of a second that it takes a robot to cross
     its own radius. As no disc's centre comes nearer to a wall than 95 % of its radius at any sub-step, and none moves

@@ -356,6 +356,7 @@ def test_maps_become_a_set_for_the_same_commands(tmp_path: Path, tiny: TaskSet) 
         open_set(tmp_path / "set")
 
 
+@pytest.mark.thorough
 def test_references_are_found_kept_and_checked(place: Path, tmp_path: Path) -> None:
     pytest.importorskip("ortools")
     copy = Path(shutil.copytree(place / "tiny", tmp_path / "copy"))

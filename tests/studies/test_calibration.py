@@ -76,6 +76,7 @@ def test_a_candidate_with_an_unfinished_run_is_never_the_best(ranked) -> None:
     assert head(ranked) == ("ties", "15, knn 1 (583)", "15, knn 5 (303)", "rms log-ratio")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("reading", READINGS.values(), ids=READINGS)
 def test_what_a_reading_chose_is_one_candidate_of_its_search_which_has_other_seeds(reading) -> None:
     plan = opened(PAPER, reading)
@@ -89,6 +90,7 @@ def test_what_a_reading_chose_is_one_candidate_of_its_search_which_has_other_see
     assert len(same) == 1
 
 
+@pytest.mark.thorough
 def test_every_published_number_has_a_place_in_the_search_by_the_letter() -> None:
     numbers = held(PAPER, READINGS["letter"], opened(PAPER, READINGS["letter"]))
     assert len(set(numbers.row_of.values())) == 14

@@ -66,6 +66,7 @@ def test_a_damaged_store_is_refused_or_read(whole: bytes, tmp_path: Path) -> Non
     assert 30 < refused < 150
 
 
+@pytest.mark.thorough
 def test_two_studies_write_to_one_store_at_once(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(
         f'title = "Two"\nscenario = "{ROOT}/scenarios/room.toml"\nseeds = 6\n[set]\n"stop.iterations" = 5\n'

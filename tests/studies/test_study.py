@@ -251,6 +251,7 @@ def kept_in(store: Path) -> int:
         base.close()
 
 
+@pytest.mark.thorough
 def test_a_killed_study_is_finished_by_running_it_again(done, tmp_path: Path) -> None:
     study, _, digest = done
     store = tmp_path / "killed.sqlite"

@@ -219,6 +219,7 @@ def test_a_message_packs_to_its_bytes_with_all_its_parts() -> None:
         assert_array_equal(before, after)
 
 
+@pytest.mark.thorough
 def test_robots_find_each_others_frames_and_finish_with_all_truly_sensed() -> None:
     run = made(scenario="merging")
     probe, quality = FrameMeasures(run.explorable), MapMeasures(7, run.explorable, run.context.lattice)

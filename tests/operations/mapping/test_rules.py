@@ -275,6 +275,7 @@ def test_gossip_tells_what_waited_longest_and_never_what_it_does_not_know() -> N
     assert told == [[], [[6, 14]], [[0, 7]], [[6, 14]], [[0, 7]], [[6, 14]], [[0, 7]], [[6, 14]]]
 
 
+@pytest.mark.thorough
 def test_the_recommended_way_is_faster_than_the_papers_rule() -> None:
     path, took = ROOT / "scenarios" / "exploring.toml", []
     for keys in ((), ('mind.strategy={use="nearest-frontier"}', 'mind.computation.sharing={use="current-tile"}')):
@@ -284,6 +285,7 @@ def test_the_recommended_way_is_faster_than_the_papers_rule() -> None:
     assert took[0] < 0.9 * took[1]
 
 
+@pytest.mark.thorough
 def test_one_planner_that_hears_everything_is_faster_than_the_nearest_frontier() -> None:
     """By a third in these two buildings, where robots that walk to the nearest frontier hear everything too."""
     took = {}

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 from conftest import called, made, moments_of
 
 from swarmsim.core.lattice import Lattice
@@ -62,6 +63,7 @@ def truly_seen(recording: Recording) -> Iterator[dict[tuple[int, int], set[int]]
         yield seen
 
 
+@pytest.mark.thorough
 def test_merged_maps_of_equal_rooms_count_as_far_as_they_were_seen(tmp_path: Path) -> None:
     """Robots that cannot tell equal rooms apart take none for another, and what each has seen counts where it is."""
     (tmp_path / "rooms.geojson").write_text(equal_rooms())

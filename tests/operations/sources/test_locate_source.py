@@ -163,6 +163,7 @@ def test_as_a_mind_it_keeps_its_contracts(path: Path, check) -> None:
     check(seeking(path), ('network.channel={use="bernoulli", loss=0.2}',), 9, True)
 
 
+@pytest.mark.thorough
 def test_where_robots_go_is_drawn_by_what_a_sample_tells_and_how_far_it_is(path: Path) -> None:
     """Of many draws of one robot, cells get their shares of ln(1 + v / noise^2) exp(-d / nearness)."""
     run = built(seeking(path))
