@@ -46,6 +46,7 @@ def run(
     """
     from swarmsim.api.runs import built, new_folder, record, scenario_of
     from swarmsim.core.scenario.file import files_outside
+    from swarmsim.engine.contacts import Contacts
 
     if video is not None:
         from swarmsim.view.video import check_film
@@ -60,7 +61,9 @@ def run(
         folder = new_folder(out, scenario.stem)
         with told_if_interrupted(lambda: f"{made.simulation.state.iteration} iterations are kept in {folder}"):
             task = progress.add_task("simulating", total=1.0, text="")
-            done = record(made, folder, [RunBar(progress, task, made)])
+            done = record(made, folder, [RunBar(progress, task, made), contacts := Contacts(made)])
+        if contacts.notice:
+            progress.console.print(f"notice: {contacts.notice}", markup=False, highlight=False)
         if video is not None:
             with told_if_interrupted(lambda: f"no film was written; the run is in {folder}"):
                 film(done, video, progress)

@@ -32,6 +32,7 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     substep: Annotated[float, Meta(gt=0.0)] = 1.0 / 64.0  # s, at most; shorter for fast robots, which might pass walls
     friction: Annotated[float, Meta(ge=0.0)] = 0.09  # coefficient between robots, and of robots on walls
+    parting: Annotated[float, Meta(gt=0.0)] | None = None  # s, in which an overlap falls to a fifth; none: a 60th
 
     @property
     def walled(self) -> bool:
@@ -75,7 +76,7 @@ class RigidDiscs:
         self.space = pymunk.Space()
         self.space.iterations = 10
         self.space.collision_slop = 0.001 * float(radii.min())  # Chipmunk's default is made for pixels
-        self.space.collision_bias = 0.2**60  # of an overlap, a fifth remains after a 60th of a second
+        self.space.collision_bias = 0.2 ** (1.0 / (physics.parting or 1.0 / 60.0))  # what remains after 1 s
         self._friction = math.sqrt(physics.friction)  # of a shape: Chipmunk multiplies those of two touching shapes
         self._building = building
         self._walls: list[pymunk.Segment] = []

@@ -395,7 +395,10 @@ class _Draw:
             "flight": {"of": lambda: self._maybe("pursuers")},
             "evade": {**pace, "of": lambda: self._maybe("pursuers")},
             "caught": {"pursuers": lambda: self._maybe("pursuers"), "evaders": lambda: self._maybe("evaders")},
-            "pymunk": {"substep": lambda: self._maybe(dice.choice((1 / 128, 1 / 32)))},
+            "pymunk": {
+                "substep": lambda: self._maybe(dice.choice((1 / 128, 1 / 32))),
+                "parting": lambda: 0.2 if count % 2 else OMITTED,
+            },
             "particles": {"substeps": lambda: self._maybe(dice.randint(1, 20))},
         }  # fmt: skip
         bounded = dice.random() < 0.3  # such robots do not patrol
