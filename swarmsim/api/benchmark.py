@@ -17,7 +17,7 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.identity import differences
 from swarmsim.recording.digests import versions
 from swarmsim.studies.benchmark import entries
-from swarmsim.studies.benchmark.entries import MethodEntry, read_entry
+from swarmsim.studies.benchmark.entries import MethodEntry, entries_to_compare, read_entry
 from swarmsim.studies.benchmark.imported import ImportedSet, Pictures, imported
 from swarmsim.studies.benchmark.leaderboard import write_board
 from swarmsim.studies.benchmark.referenced import kept_tours, refer, unconfirmed
@@ -142,24 +142,27 @@ class Board:
 
 
 def benchmark_board(
-    entries: Sequence[str | Path],
+    entries: Sequence[str | Path] = (),
     *,
     out: str | Path,
     tasks: str | Path | None = None,
     energy: Mapping[str, float] | str | None = None,
+    alone: bool = False,
 ) -> Board:
     """Compare entries on a page with profiles, ratios and tests, and draw its figures: `swarmsim benchmark board`.
 
     `entries` are files or folders of one set, `tasks` as in `benchmark_explore`; `out` is the page, a name in .html.
-    `energy`, such as {"metre": 2, "second": 0.5, "kilobyte": 0.01}, says what costs a robot how many joules.
-    Raises InputError for a damaged entry, one of another set, and two entries with one name.
+    Those that come with the set are compared too, except one of the same name, and unless yours are to stay `alone`.
+    `energy`, such as {"metre": 2, "second": 0.5, "kilobyte": 0.01}, says what costs a robot how many joules. Raises
+    InputError for a damaged entry, one of another set, two of yours with one name, and if there are none.
     """
     page = Path(out)
     if page.suffix != ".html":
         raise InputError(f"--out {page}: expected a name that ends in .html")
     joules = None if energy is None else joules_of(energy)
     found = open_set(_folder(tasks))
-    parts, files = write_board(found, [read_entry(Path(path), found) for path in entries], page, joules)
+    compared = entries_to_compare(found, [Path(path) for path in entries], alone)
+    parts, files = write_board(found, compared, page, joules)
     return Board(parts, tuple(files))
 
 

@@ -95,21 +95,24 @@ def verify(
 
 @app.command()
 def board(
-    entries: Annotated[list[Path], typer.Argument(metavar="ENTRY...", help="Folders or .json files of entries.")],
     out: Annotated[Path, typer.Option(help="The page to write, which ends in .html; figures go beside it.")],
+    entries: Annotated[
+        list[Path] | None, typer.Argument(metavar="[ENTRY...]", help="Folders or .json files of entries.")
+    ] = None,
     tasks: Tasks = None,
     energy: Annotated[
         str | None, typer.Option(metavar="metre=A,second=B,kilobyte=C", help="What costs a robot how many joules.")
     ] = None,
+    alone: Annotated[bool, typer.Option("--alone", help="Leave out the entries that come with the set.")] = False,
 ) -> None:
     """Compare entries on a page: scores with intervals, profiles, and which entries are shown to differ.
 
-    Example: swarmsim benchmark board runs/entries/nearest runs/entries/dispersed --out runs/board.html
+    Example: swarmsim benchmark board runs/entries/curious --out runs/board.html
     """
     from swarmsim.api.benchmark import benchmark_board
     from swarmsim.studies.benchmark.leaderboard import HEAD, PAIRED, held_out_line, lines, pair_lines
 
-    found = benchmark_board(entries, out=out, tasks=tasks, energy=energy)
+    found = benchmark_board(entries or (), out=out, tasks=tasks, energy=energy, alone=alone)
     for part, standings in found.standings.items():
         print_table(f"{part}: {standings.worlds} worlds, in units of {standings.unit}", HEAD, lines(standings))
     public = found.standings["public"]

@@ -20,7 +20,14 @@ from tiny_set import tiny_set
 import swarmsim as sw
 from swarmsim.core.errors import InputError
 from swarmsim.studies.benchmark import sets
-from swarmsim.studies.benchmark.entries import MethodEntry, checksum, overheard, read_entry, read_method
+from swarmsim.studies.benchmark.entries import (
+    MethodEntry,
+    checksum,
+    entries_to_compare,
+    overheard,
+    read_entry,
+    read_method,
+)
 from swarmsim.studies.benchmark.leaderboard import write_board
 from swarmsim.studies.benchmark.scores import joules_of, kept_order, sign_flip, standings
 from swarmsim.studies.benchmark.sets import ReferenceRow, TaskSet, open_set
@@ -83,6 +90,7 @@ def test_an_entry_holds_every_run_with_its_digest_and_the_code(entry: MethodEntr
     assert len({run.digest for run in entry.runs}) == 6
     assert set(entry.code) == {"swarmsim", "curious.py"}
     assert (place / "entry" / "curious.py").read_text() == RULE
+    assert (place / "entry" / "entry.json").read_text().count('\n{"task":') == 6  # a line each
     assert read_method(place / "entry" / "method.toml") == entry.method
 
 
@@ -325,6 +333,20 @@ def test_the_page_has_tables_figures_and_no_markup_of_entries(
     assert page.count('src="data:image/png') == 2
     for words in ("(proved lower bound)", "3 of 4", "not shown", "Held-out worlds", entry.checksum):
         assert words in page
+
+
+def test_entries_that_come_with_the_set_are_compared_too(tiny: TaskSet, entry: MethodEntry, tmp_path: Path) -> None:
+    (tmp_path / "entries").mkdir()
+    set_ = replace(tiny, folder=tmp_path)
+    with pytest.raises(InputError, match="no entries come with this set"):
+        entries_to_compare(set_, [], alone=False)
+    theirs = written(claimed(entry, "theirs", [20] * 6), tmp_path / "entries" / "theirs.json")
+    old = claimed(entry, entry.method.name, [30] * 6)
+    written(old, tmp_path / "entries" / "old.json")
+    mine = written(entry, tmp_path / "mine.json")
+    assert entries_to_compare(set_, [mine], alone=False) == [entry, read_entry(theirs)]
+    assert entries_to_compare(set_, [mine], alone=True) == [entry]
+    assert entries_to_compare(set_, [], alone=False) == [old, read_entry(theirs)]
 
 
 def test_maps_become_a_set_for_the_same_commands(tmp_path: Path, tiny: TaskSet) -> None:

@@ -26,6 +26,7 @@ from swarmsim.studies.store import Row
 
 FORMAT: Final = 1
 FILE, METHOD = "entry.json", "method.toml"  # in an entry's folder
+ENTERED: Final = "entries"  # folder of the entries that come with a set, in the set's
 EXPECTED: Final = "an entry of a benchmark, made by swarmsim benchmark explore"
 
 Real = Annotated[float, Meta(ge=0.0, le=1e15)]
@@ -183,7 +184,8 @@ def write_entry(entry: MethodEntry, out: Path, code: Code, folder: Path) -> list
 
 
 def _json(entry: MethodEntry) -> str:
-    return msgspec.json.format(msgspec.json.encode(entry), indent=1).decode() + "\n"
+    """An entry with a line for each run."""
+    return msgspec.json.encode(entry).decode().replace('{"task":', '\n{"task":') + "\n"
 
 
 def _toml(method: Method) -> str:
@@ -206,6 +208,20 @@ def read_entry(path: Path, tasks: TaskSet | None = None) -> MethodEntry:
     if tasks is not None:
         _check_tasks(entry, tasks, file)
     return entry
+
+
+def entries_to_compare(tasks: TaskSet, given: Sequence[Path], alone: bool) -> list[MethodEntry]:
+    """The given entries and, unless they stay `alone`, those that come with the set; of one name, the given one.
+
+    Raises InputError for a damaged entry, one of another set, and if there are none.
+    """
+    mine = [read_entry(path, tasks) for path in given]
+    names = {entry.method.name for entry in mine}
+    files = () if alone else sorted((tasks.folder / ENTERED).glob("*.json"))
+    mine += [entry for file in files if (entry := read_entry(file, tasks)).method.name not in names]
+    if not mine:
+        raise InputError(f"{tasks.folder}: no entries come with this set; expected some of your own to compare")
+    return mine
 
 
 def _contradiction(run: EntryRun) -> str:
