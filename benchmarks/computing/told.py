@@ -59,7 +59,7 @@ def of_level(row: Row) -> float:
 
 def waited(row: Row) -> float:
     """Seconds for a level besides computing: until answers are there, or for all exchanges of halos."""
-    if row["way"] == "collective":
+    if row["way"].startswith("collective"):
         return float(row["iterations"]) / LEVELS
     return float(row["age_own"]) - (EVERY - 1) / 2
 

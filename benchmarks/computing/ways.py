@@ -44,6 +44,7 @@ WAYS: dict[str, tuple[str, ...]] = {
     "cloud, field": (f'jobs=[{{{GATHER}, to = "base", down = "field"}}]', SETTLED),
     "edge, own piece": (f'jobs=[{{{GATHER}, to = "servers"}}]', SETTLED),
     "collective": (f"jobs=[{{{SOLVE}}}, {HOLDERS}]", COMPUTED),
+    "collective, migrating": (f"jobs=[{{{SOLVE}, migrate = 1.0}}, {HOLDERS}]", COMPUTED),
 }
 FEW = ("robots.1.count=5",)
 DEAD = ('faults=[{use = "crash", at = 50, robots = [0], min_alive = 0}]',)
@@ -110,7 +111,7 @@ def one_run(way: str, condition: str, seed: int) -> dict[str, Any]:
         known = one.knowledge
         if one.name == "gather":
             counts = known.counts
-            if way != "collective":
+            if not way.startswith("collective"):
                 found |= {"work": counts[:, 0].sum(), "most_work": counts[:, 0].max()}
                 found["share"] = known.share(watch.last.state.alive)
             found["used"] = known.numbers(watch.last.state.alive)["used"]
@@ -136,7 +137,7 @@ def run(seeds: int, out: Path, conditions: Sequence[str]) -> None:
     for condition in conditions:
         for seed in range(1, seeds + 1):
             for way in WAYS:
-                if condition != "plain" and way in ("alone", "cloud, field"):
+                if condition != "plain" and way in ("alone", "cloud, field", "collective, migrating"):
                     continue
                 if (way, condition, seed) not in done:
                     with out.open("a") as file:

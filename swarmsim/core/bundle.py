@@ -49,6 +49,11 @@ class EnvelopeCodec:
     def __init__(self, codecs: Sequence[Codec[MessageBatch]], rounds: int) -> None:
         self._codecs, self._rounds = codecs, rounds
 
+    @property
+    def own(self) -> Codec[MessageBatch]:
+        """The computation's codec."""
+        return self._codecs[0]
+
     def pack(self, sender: int, iteration: int, items: Envelope) -> bytes:
         """One message, of an exchange that is given as `iteration`."""
         packed = [

@@ -133,6 +133,9 @@ class Shared(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     With `fence = "data"` a step waits for what it reads, however long, so the answer is the same on every network.
     With `fence = "clock"` a step is done in each exchange, with the newest values there are.
 
+    Pieces stay with their holders while these live. With `migrate`, a robot that keeps the state from the start of the
+    present level, and is nearer to the piece than its holder by more than that, goes on with it from there.
+
     A message has at most `budget` bytes of the job, if that is given, and numbers of `value` bytes.
     """
 
@@ -142,3 +145,4 @@ class Shared(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     budget: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # bytes a message
     fence: Literal["data", "clock"] = "data"
     value: Literal[4, 8] = 8  # bytes
+    migrate: Annotated[float, Meta(ge=0.0, le=1e6)] | None = None  # m; none: pieces stay

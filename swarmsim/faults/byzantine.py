@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
-from typing import Annotated, Any, Final, Protocol
+from typing import Annotated, Final, Protocol
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from swarmsim.core.bundle import whole
+from swarmsim.core.bundle import EnvelopeCodec, whole
 from swarmsim.core.capabilities import FALSIFIABLE
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, nearest
@@ -65,7 +65,7 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if self.failure == "spoof":
             return None
         if self.age is not None:
-            return Replayed(self.age, computation.codec)
+            return Replayed(self.age)
         known = FALSIFIABLE.needed(computation, f"failure: {self.failure!r}", " or ".join(map(repr, OF_ANY))).lies
         if self.failure not in known:
             told = nearest(self.failure, {**known, **OF_ANY})
@@ -94,8 +94,7 @@ class Telling(Protocol):
 class Replayed:
     """Repeats an earlier message: its first item for the first of this one, and so on."""
 
-    def __init__(self, age: int, codec: Codec[Any]) -> None:
-        self._codec = codec
+    def __init__(self, age: int) -> None:
         self._past: deque[Broadcast[MessageBatch]] = deque(maxlen=age + 1)
 
     def __call__(self, said: Broadcast[C], rows: NDArray[np.bool_], /) -> Broadcast[C]:
@@ -121,11 +120,7 @@ class Replayed:
                 column[there] = past[old[there]]
         kept = ~rows | there | (old == old_starts[owners])
         ends = np.concatenate([np.zeros(1, np.int64), np.cumsum(kept)])[said.ends]
-        told = replace(said, content=replace(content, **columns).take(kept), ends=ends, sizes=said.sizes.copy())
-        lying = np.unique(owners[rows & (said.sizes[owners] > 0)])
-        for robot in lying.tolist():  # the old message may be longer or shorter
-            told.sizes[robot] = len(self._codec.pack(robot, 0, whole(told, robot)))
-        return told
+        return replace(said, content=replace(content, **columns).take(kept), ends=ends)
 
 
 class FalseNames:
@@ -196,15 +191,32 @@ class LyingComputation(ComputationDelegate):
     ) -> None:
         super().__init__(inner)
         self._active, self._lie, self._names = active, lie, names
+        self._own: Codec[MessageBatch] = inner.codec.own if isinstance(inner.codec, EnvelopeCodec) else inner.codec
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
         """The message of every robot, with lies in those of the liars, which themselves know the truth."""
         said = self._inner.say(senses)
         if self._lie is not None:
-            said = self._lie(said, np.repeat(self._active, said.ends - said.starts()))
+            lies = self._lie(said, np.repeat(self._active, said.ends - said.starts()))
+            said = self._on_air(lies, senses.iteration)
         if self._names is not None:
             self._names.give(senses.iteration, self._active & senses.alive)
         return said
+
+    def _on_air(self, said: Broadcast[MessageBatch], iteration: int) -> Broadcast[MessageBatch]:
+        """The same with what the liars' messages can hold of their lies, and with the sizes that these have."""
+        speaking = said.ends > said.starts()
+        liars = np.flatnonzero(self._active & speaking).tolist()
+        if not liars:
+            return said
+        items = [said.of(robot) for robot in range(len(said.ends))]
+        for robot in liars:
+            *_, items[robot] = self._own.unpack(self._own.pack(robot, iteration, items[robot]))
+        ends = np.cumsum([len(one) for one in items], dtype=np.int64)
+        told = replace(said, content=type(said.content).joined(items), ends=ends, sizes=said.sizes.copy())
+        for robot in liars:
+            told.sizes[robot] = len(self._inner.codec.pack(robot, 0, whole(told, robot)))
+        return told
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
         """The robots' knowledge from messages attributed to the names on them."""

@@ -1,13 +1,28 @@
-"""Which piece a robot takes off another one that has more pieces than its processor does in time."""
+"""Which pieces a robot takes off others that are behind, have too many, or are too far from them."""
 
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 
 from swarmsim.core.processors import OwnProcessor
 from swarmsim.jobs.plan import JobPlan
-from swarmsim.jobs.reports import Hearsay
+from swarmsim.jobs.reports import Hearsay, PieceClaim
 from swarmsim.jobs.worker import Worker
+
+
+def relieves(plan: JobPlan, far: int, newest: int, active: Sequence[PieceClaim]) -> bool:
+    """Whether a robot `far` cells from a piece, with a copy of its step `newest`, takes it off those who compute it.
+
+    Who is more than a level behind the copy may lack values that all others have forgotten. With `migrate` all of them
+    have to be farther from it by more than that, and at the level that begins with the copy.
+    """
+    if max(claim.step for claim in active) < newest - plan.job.level:
+        return True
+    if plan.keys.migrate is None or newest == plan.steps:
+        return False
+    least = far + plan.keys.migrate / plan.cell
+    return all(claim.far > least and plan.level_of(claim.step) == newest for claim in active)
 
 
 class Helper:

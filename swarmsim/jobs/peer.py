@@ -12,7 +12,7 @@ from swarmsim.core.jobs import Values
 from swarmsim.core.messages import HEADER
 from swarmsim.core.processors import OwnProcessor
 from swarmsim.jobs.facts.wire import Fact, FactCodec
-from swarmsim.jobs.helping import Helper
+from swarmsim.jobs.helping import Helper, relieves
 from swarmsim.jobs.log import KEPT
 from swarmsim.jobs.plan import STATE_NUMBER, JobPlan, packed, unpacked
 from swarmsim.jobs.reports import AFAR, FARTHEST, REPORT, SHOW, STATE, Hearsay, PieceClaim, Report
@@ -212,10 +212,11 @@ class Peer:
             worker.copies.put(piece, fact.version, state)
 
     def _give_up(self, now: int) -> None:
-        """Leave pieces to others that are ahead or, at the same step, nearer; and copies if others have enough."""
+        """Leave pieces to others that are ahead or, if not, nearer; and copies if others have enough."""
+        ahead = self._plan.ahead
         for piece, thread in list(self.worker.threads.items()):
-            mine, others = (thread.step, -self._far(piece), -self._me), self._claims.of(piece, now)
-            if any((claim.step, -claim.far, -who) > mine for who, claim, _ in others if who != self._me):
+            mine, its = (thread.step // ahead, -self._far(piece), -self._me), self._claims.of(piece, now)
+            if any((claim.step // ahead, -claim.far, -who) > mine for who, claim, _ in its if who != self._me):
                 del self.worker.threads[piece]
         copies = self._plan.keys.copies
         for piece in self.worker.copies.pieces() if copies != "all" else ():
@@ -236,14 +237,14 @@ class Peer:
 
     def _take_over(self, now: int, clock: int) -> None:
         """Go on with pieces of which nothing is heard, and compute values once more that are lacked for long."""
-        horizon = self._horizon(now)
+        horizon = self._horizon(now)  # what is older would be forgotten at once
         for piece in self.worker.copies.pieces():
             wait = self._plan.keys.patience + int(self._far(piece) * self._plan.cell / self._plan.reach[piece])
-            active = [claim.step for who, claim, _ in self._claims.of(piece, now) if who != self._me]
-            if piece not in self.worker.threads and self._orphaned(piece, active, wait, now):
+            active = [claim for who, claim, _ in self._claims.of(piece, now) if who != self._me]
+            if piece not in self.worker.threads and self._falls_to_me(piece, active, wait, now):
                 self._resume(self.worker.threads, piece, self._plan.steps, self._plan.steps, clock)
             elif self._plan.keys.fence == "data" and piece not in self.worker.again:
-                lacked = self._lack(piece, active, horizon, now)  # what is older would be forgotten at once
+                lacked = self._lack(piece, [claim.step for claim in active], horizon, now)
                 if lacked is None:
                     self._lacked.pop(piece, None)
                     continue
@@ -252,14 +253,11 @@ class Peer:
                 if now - self._lacked[piece][1] > wait * (1 + self._before_me(piece, now, lacked)):
                     self._resume(self.worker.again, piece, lacked, lacked, clock)
 
-    def _orphaned(self, piece: int, active: list[int], wait: int, now: int) -> bool:
-        """Whether nobody goes on with a piece, and nobody else has a newer copy to do so.
-
-        Who holds it but is more than a level behind this robot's copy may lack values that all others have forgotten.
-        """
+    def _falls_to_me(self, piece: int, active: list[PieceClaim], wait: int, now: int) -> bool:
+        """Whether this robot relieves others of a piece, or nobody computes it or has a newer copy to do so."""
         newest = self.worker.copies.newest(piece)
         if active:
-            return max(active) < newest - self._plan.job.level
+            return relieves(self._plan, self._far(piece), newest, active)
         newer = any(who != self._me and step > newest for who, step in self._claims.keeping(piece, now))
         return not newer and self._claims.silence(piece, now) > wait
 

@@ -73,6 +73,10 @@ class JobPlan:
         level, steps = int(job.level), int(job.steps)
         if level < 1 or steps < 1 or steps % level:
             raise InputError(f"steps: {steps} in levels of {level}; expected a whole number of levels, at least one")
+        if keys.migrate is not None and keys.fence == "clock":
+            raise InputError(
+                'migrate: with a clock pieces stay with their holders; expected fence = "data", or no such key'
+            )
         domain = given(context)
         pieces = tuple(job.pieces(domain))
         if not 1 <= len(pieces) <= 1 << 16:
@@ -110,6 +114,11 @@ class JobPlan:
         copies = 0 if self.keys.copies == "all" else min(self.keys.copies, self.robots - 1)
         largest = max(map(math.prod, self.state))
         return 8 * KEPT * largest * math.ceil(copies * len(self.pieces) / self.robots)
+
+    @property
+    def ahead(self) -> int:
+        """By how many steps a holder is ahead of another: a level's if pieces migrate, as comers begin with it."""
+        return 1 if self.keys.migrate is None else self.job.level
 
     def level_of(self, step: int) -> int:
         """The step at which the level of a step begins."""

@@ -345,6 +345,7 @@ class _Draw:
                 "fence": self._fence, "model": self._equation, "method": self._method, "dt": lambda: 0.5,
                 "duration": lambda: dice.choice((1.0, 2.0)), "sources": lambda: self._maybe(self._emitters(), 0.2),
                 "budget": lambda: self._maybe(1_000_000),
+                "migrate": lambda: OMITTED if self._clocked else self._maybe(0.5),
                 "pieces": lambda: self._maybe(dice.randint(1, 6)), "name": lambda: self._maybe("heat"),
             },
             "stigmergy": {**called, "budget": lambda: self._maybe(100)},

@@ -6,7 +6,7 @@ from dataclasses import replace as replaced
 
 import numpy as np
 import pytest
-from networks import FREE, Heat, Swarm, context_of
+from networks import CELL, FREE, Heat, Swarm, context_of
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import Shared
@@ -34,6 +34,7 @@ NETWORKS = {
     "late in another order": {"comes": {4: [0], 11: [6, 1]}},
     "alone": {"robots": 1},
     "two": {"robots": 2, "channel": LOSSY},
+    "migrating": {"keys": {"migrate": 0.5, "copies": "all"}, "channel": LOSSY},
     "budget": {"keys": {"budget": 400}, "channel": LOSSY},
     "short numbers": {"keys": {"value": 4}},
 }
@@ -100,6 +101,45 @@ def test_fifteen_of_twenty_die_one_by_one_and_the_answer_is_exact_in_twenty_of_t
         swarm = Swarm(Heat(**keys), 20, topology="wide ring", channel=LOSSY, deaths=deaths, seed=seed, limit=1500).run()
         assert swarm.alive.sum() == 5
         assert swarm.exact, seed
+
+
+def test_pieces_migrate_to_robots_that_are_nearer_by_more_than_asked_for_and_come_to_rest() -> None:
+    """Everybody keeps copies of everything and hears everybody; robots stand."""
+    far: dict[float | None, float] = {}
+    for migrate in (None, 2.0, 0.5):
+        held: list[list[list[int]]] = []
+
+        def look(swarm: Swarm, held: list[list[list[int]]] = held) -> bool:
+            held.append([swarm.holders(piece) for piece in range(7)])
+            return False
+
+        swarm = Swarm(keys={"copies": "all", "migrate": migrate}, until=look).run()
+        assert swarm.exact
+        assert held[9:-1] == [held[9]] * len(held[9:-1])  # nothing moves to and fro
+        assert all(len(robots) == 1 for robots in held[9])
+        away = np.hypot(*(swarm.runtime.plan.centres[:, None] - swarm.places[:, :2]).transpose(2, 0, 1))
+        far[migrate] = max(away[piece, robots[0]] - away[piece].min() for piece, robots in enumerate(held[9]))
+    assert far[None] > 4.0
+    assert 1.0 < far[2.0] <= 2.0 + CELL  # robots tell their distances in whole cells
+    assert far[0.5] <= 0.5 + CELL
+
+
+def test_pieces_migrate_and_survive_deaths_among_robots_that_move() -> None:
+    def moved(swarm: Swarm) -> bool:
+        middle = np.array([4.0, 3.5])
+        swarm.places[:, :2] = middle + (swarm.places[:, :2] - middle) @ np.array([[0.98, -0.2], [0.2, 0.98]])
+        return False
+
+    keys, deaths = {"migrate": 0.5}, one_by_one(7, 5, 24, 3)
+    swarm = Swarm(Heat(**LONG), topology="ring", channel=LOSSY, keys=keys, deaths=deaths, until=moved).run()
+    assert swarm.exact
+    assert swarm.alive.sum() == 2
+    assert swarm.parcel.counts[:, 2].sum() > 5  # more than the pieces of the dead
+
+
+def test_pieces_do_not_migrate_with_a_clock() -> None:
+    with pytest.raises(InputError, match=r'migrate: with a clock pieces stay .* expected fence = "data"'):
+        Swarm(keys={"migrate": 1.0, "fence": "clock"})
 
 
 def test_without_copies_the_pieces_of_the_dead_are_lost_and_told() -> None:

@@ -251,8 +251,8 @@ class MapCodec:
     def __init__(self, shape: tuple[int, int], grid: tuple[int, int]) -> None:
         """`shape` of the tiles and of the whole `grid`, in rows and columns."""
         self._shape, self._grid = shape, grid
-        #: Bytes of the longest message: a map in which all is known.
-        self.longest = MAP.size + packed_bytes(grid[0] * grid[1])
+        #: Bytes of the messages in which nothing is known, and all is.
+        self.shortest, self.longest = MAP.size, MAP.size + packed_bytes(grid[0] * grid[1])
 
     def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
         """The message with the smallest rectangle that holds all known cells."""
@@ -290,9 +290,10 @@ def pieces(
 
 
 def assembled(values: NDArray[np.uint8], origins: NDArray[np.int32], grid: tuple[int, int]) -> NDArray[np.uint8]:
-    """The map (rows, columns) of a `grid`, put together from its `pieces`, tiles (t, rows, columns)."""
-    height, width = values.shape[1:]
-    cells = np.full((grid[0] + height, grid[1] + width), UNKNOWN, np.uint8)
-    for (row, column), tile in zip(origins.tolist(), values, strict=True):
+    """The map (rows, columns) of a `grid`, put together from tiles (t, rows, columns), which may lie beyond it."""
+    height, width = shape = values.shape[1:]
+    touching = ((origins > -np.array(shape)) & (origins < grid)).all(axis=1)
+    cells = np.full((grid[0] + 2 * height, grid[1] + 2 * width), UNKNOWN, np.uint8)
+    for (row, column), tile in zip((origins[touching] + shape).tolist(), values[touching], strict=True):
         cells[row : row + height, column : column + width] = tile
-    return cells[: grid[0], : grid[1]]
+    return cells[height : height + grid[0], width : width + grid[1]]

@@ -83,19 +83,21 @@ class MergeCodec:
         """The message: a byte that says which of piece (1), link (2) and map (4) follow, then these."""
         part = items.part
         gossip, links, whole = (_only(items, np.flatnonzero(part == kind)) for kind in (TILE, LINK, MAP))
-        parts = [bytes([(len(gossip) > 1) + 2 * bool(len(links)) + 4 * bool(len(whole))])]
+        told = self._map.pack(sender, iteration, whole)
+        cells = len(told) > self._map.shortest
+        parts = [bytes([(len(gossip) > 1) + 2 * bool(len(links)) + 4 * cells])]
         parts.append(self._gossip.pack(sender, iteration, gossip))
         if len(links):
             (row,) = np.flatnonzero(part == LINK)
-            told = (
+            link = (
                 *items.pair[row].tolist(),
                 int(items.found[row]),
                 int(items.excess[row]),
                 *items.place[row].tolist(),
             )
-            parts.append(FRAME.pack(*told))
-        if len(whole):
-            parts.append(self._map.pack(sender, iteration, whole))
+            parts.append(FRAME.pack(*link))
+        if cells:
+            parts.append(told)
         return b"".join(parts)
 
     def unpack(self, data: bytes) -> tuple[int, int, MergeItems]:
