@@ -48,7 +48,7 @@ def for_print(verb: Callable[..., None]) -> Callable[..., None]:
 
         kinds = [kind for kind in PRINTED if asked[kind]]
         keys = {"width": asked["width"], "font": asked["font"], "style": asked["style"]}
-        with printing(kinds=kinds, title=not asked["no_title"], **keys):  # type: ignore[arg-type] - typer has checked
+        with printing(kinds=kinds, title=not asked["no_title"], **keys):  # type: ignore[arg-type]
             verb(**given)
 
     parameters = [*own.parameters.values(), *added.values()]
