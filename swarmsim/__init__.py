@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from swarmsim.core.scenario.shipped import copy as examples_copy
     from swarmsim.core.scenario.shipped import example, examples
     from swarmsim.fleet.keyring import write_keys as radio_keys
+    from swarmsim.view.plots.style import printing
 
 __version__ = "0.1.0"
 
@@ -56,9 +57,9 @@ __all__ = [
     "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board",
     "benchmark_explore", "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor",
     "example", "examples", "examples_copy", "fleet_merge", "fleet_status", "fleet_up", "import_log", "new",
-    "open", "open_expectations", "open_study", "parts", "radio_airtime", "radio_keys", "reproduce", "robot_charge",
-    "run", "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert",
-    "world_generate", "world_import", "world_preview", "world_serve",
+    "open", "open_expectations", "open_study", "parts", "printing", "radio_airtime", "radio_keys", "reproduce",
+    "robot_charge", "run", "schema", "simulate", "size", "study", "study_worst", "test", "world_check",
+    "world_convert", "world_generate", "world_import", "world_preview", "world_serve",
 ]  # fmt: skip
 
 _PLACES = {
@@ -87,6 +88,7 @@ _PLACES = {
     "open_expectations": "api.expectations:open_expectations",
     "open_study": "api.studies:open_study",
     "parts": "core.scenario.describe:parts",
+    "printing": "view.plots.style:printing",
     "radio_airtime": "api.radios:radio_airtime",
     "radio_keys": "fleet.keyring:write_keys",
     "reproduce": "api.papers:reproduce",

@@ -48,7 +48,7 @@ def written(
 ) -> list[Path]:
     """Draw the figure of this name into files, by default beside the recording. Raises as `drawn` does."""
     stem = out or recording.path.parent / use.rpartition(":")[2]
-    return _save({stem: drawn(recording, use, keys, called)}, "--out", PRINT)
+    return save({stem: drawn(recording, use, keys, called)}, "--out", PRINT)
 
 
 class TaskCurve(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -155,7 +155,7 @@ class NetworkMeasures(Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 def network_figures(report: NetworkReport, folder: Path) -> list[Path]:
     """Draw the four figures of a network into a folder. Raises InputError."""
-    return _save({folder / name: draw() for name, draw in _of_network(report).items()}, "--plots")
+    return save({folder / name: draw() for name, draw in _of_network(report).items()}, "--plots")
 
 
 def _of_network(report: NetworkReport) -> dict[str, Callable[[], Figure]]:
@@ -183,15 +183,6 @@ def _of_network(report: NetworkReport) -> dict[str, Callable[[], Figure]]:
     }
 
 
-def save_picture(figure: Figure, path: Path) -> Path:
-    """Save a figure as PNG and return its path. Raises InputError, and StorageError for a full disk."""
-    try:
-        figure.savefig(path, format="png", metadata={"Software": None})
-    except OSError as problem:
-        raise unwritten(path, problem, "a place for a picture") from problem
-    return path
-
-
 def check_maps(recording: Recording, name: str) -> None:
     """Raise InputError unless the robots of a run kept maps."""
     if "changes" not in recording:
@@ -217,11 +208,11 @@ def _titled(recording: Recording) -> str:
     return f"{recording.scenario.title}\nseed {recording.scenario.seed}"
 
 
-def _save(figures: Mapping[Path, Figure], option: str, dpi: int = 150) -> list[Path]:
-    """Save figures under their stems as PNG and SVG; gives the files. Raises InputError, naming the option."""
+def save(figures: Mapping[Path, Figure], option: str = "", dpi: int = 150) -> list[Path]:
+    """Save figures as the files that are asked for; gives these. Raises InputError, naming the option."""
     from swarmsim.view import plots
 
     try:
         return [path for stem, figure in figures.items() for path in plots.save(figure, stem, dpi)]
     except OSError as problem:
-        raise unwritten(f"{option} {problem.filename}", problem, "a place for figures") from problem
+        raise unwritten(f"{option} {problem.filename}".strip(), problem, "a place for figures") from problem

@@ -13,7 +13,7 @@ import shapely
 import tomli_w
 
 from swarmsim.api.bare import CELL, bare
-from swarmsim.api.figures import save_picture
+from swarmsim.api.figures import save
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import shipped
 from swarmsim.core.scenario.decoding import convert
@@ -315,4 +315,4 @@ def _draw(path: Path, drawing: Drawing | None, found: Inspection, name: str) -> 
         free = shapely.get_parts(shapely.difference(shapely.box(*plan.page), joined([plan.walls])))
         floor = max(free, key=lambda piece: piece.area, default=None)
     figure = plots.imported(shown, plan, floor, pockets, f"{name}: {plan.width:.4g} m x {plan.height:.4g} m")
-    save_picture(figure, path)
+    save({path: figure})

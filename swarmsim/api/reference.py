@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, get_args
 
@@ -18,6 +18,7 @@ from swarmsim.core.scenario.expect import Expect
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.platforms import PLATFORMS
 from swarmsim.core.seams import SEAMS
+from swarmsim.core.tables import markdown
 from swarmsim.studies.plan import Study
 
 #: Values to show for keys that have no default, or an empty one; others show their default.
@@ -34,6 +35,7 @@ EXAMPLES: Final = {
     "actuators": '[{use = "led"}]', "sensors": '[{use = "bump"}]', "field": '{use = "formula", formula = "x + y"}',
     "scenario": '"room"', "set": '{"robots.count" = 6}', "axis": '"robots"', "expect[].that": '"finished within 4min"',
     "vary[].key": '"robots.count"', "vary[].values": "[1, 2, 4]", "vary[].together": '"size"',
+    "vary[].names": '["one", "two", "four"]',
     "condition[].name": '"three die"', "condition[].set": '{"robots.count" = 3}', "condition[].x": "3.0",
     "condition[].series": '"crashes"', "expect[].chance": "0.9", "expect[].zone": "0.05", "expect[].budget": "300",
     "expect[].faults": '["crash at=5"]', "expect[].set": '{"robots.count" = 3}', "expect[].condition": '"three die"',
@@ -103,21 +105,21 @@ def keys_in_markdown() -> str:
             "Made from the code, as `swarmsim parts KEY` prints it and editors show it (`swarmsim schema`). Units are",
             "SI. A key without a default has to be given. Parts and their keys are on [the next page](part-keys.md).\n",
             "## Scenarios\n",
-            *_rows(scenario_keys()),
+            _rows(scenario_keys()),
             "\n## Studies\n",
             "`[[expect]]` is as in scenarios.\n",
-            *_rows([one for one in study_keys() if not one.key.startswith("expect[]")]),
+            _rows([one for one in study_keys() if not one.key.startswith("expect[]")]),
             "\n## Real robots\n",
             "`robots.use` names one; each number can be replaced. [Robots](robots.md) has the sources.\n",
-            *_presets(PLATFORMS, ("radius", "wheel_base", "speed", "acceleration", "mass", "traction")),
+            _presets(PLATFORMS, ("radius", "wheel_base", "speed", "acceleration", "mass", "traction")),
             "\n## Real processors\n",
             "`robots.processor.use` names one. [Processors](computing-processors.md) has the sources.\n",
-            *_presets(BOARDS, ("rate", "memory", "energy")),
+            _presets(BOARDS, ("rate", "memory", "energy")),
             "\n## Events\n",
             "What happens in a run, as `Run.events` gives it and recordings keep it.\n",
-            *_table(("event", "what happened", "what it tells"), map(_event, get_args(events.Event))),
+            markdown(("event", "what happened", "what it tells"), map(_event, get_args(events.Event))),
             "\n## Exit codes\n",
-            *_table(("code", "meaning"), ((str(code), told) for code, told in EXIT_CODES.items())),
+            markdown(("code", "meaning"), ((str(code), told) for code, told in EXIT_CODES.items())),
             "",
         ]
     )
@@ -144,16 +146,15 @@ def _part(one: PartDescription) -> list[str]:
         f"{' '.join(one.text.split())}{' *The default.*' if one.default else ''}\n",
     ]
     if one.parameters:
-        return lines + _table(
-            ("key", "value", "default", "meaning"),
-            ((f"`{each.key}`", each.kind, _default(each), each.meaning) for each in one.parameters),
-        )
+        head = ("key", "value", "default", "meaning")
+        rows = ((f"`{each.key}`", each.kind, _default(each), each.meaning) for each in one.parameters)
+        return [*lines, markdown(head, rows)]
     return [*lines, "It has no keys."]
 
 
-def _rows(found: Sequence[Parameter]) -> list[str]:
+def _rows(found: Sequence[Parameter]) -> str:
     head = ("key", "value", "default", "meaning", "example")
-    return _table(
+    return markdown(
         head, ((f"`{one.key}`", one.kind, _default(one), one.meaning, f"`{example_of(one)}`") for one in found)
     )
 
@@ -162,17 +163,12 @@ def _default(one: Parameter) -> str:
     return "required" if one.default is None else "" if one.default == "none" else f"`{one.default}`"
 
 
-def _presets(presets: dict[str, dict[str, object]], columns: Sequence[str]) -> list[str]:
+def _presets(presets: dict[str, dict[str, object]], columns: Sequence[str]) -> str:
     usual = {field.name: field.default for field in msgspec.structs.fields(Body)}
     rows = ([f"`{name}`", *(str({**usual, **table}[one]) for one in columns)] for name, table in presets.items())
-    return _table(("name", *(f"`{one}`" for one in columns)), rows)
+    return markdown(("name", *(f"`{one}`" for one in columns)), rows)
 
 
 def _event(kind: type[events.Happened]) -> tuple[str, str, str]:
     told = ", ".join(f"`{name}`" for name in kind.__struct_fields__)
     return f"`{kind.__struct_config__.tag}`", " ".join((kind.__doc__ or "").split()), told
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    cells = [[one.replace("|", "\\|") for one in row] for row in rows]
-    return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *cells)]

@@ -18,7 +18,8 @@ from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.toml import parsed, read_toml
 from swarmsim.studies import sequential
 from swarmsim.studies.engine import pool_when_needed
-from swarmsim.studies.plan import changed, label
+from swarmsim.studies.labels import label
+from swarmsim.studies.plan import changed
 from swarmsim.studies.prices import Prices, prices_of
 from swarmsim.studies.runner import Runner
 from swarmsim.studies.sizing import Asked, LadderSearch, Question

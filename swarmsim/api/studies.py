@@ -17,6 +17,7 @@ from swarmsim.api.frames import framed
 from swarmsim.api.overrides import seconds_in
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.scenario import registry
+from swarmsim.core.tables import WRITERS, Form
 from swarmsim.studies import chances, methods, pairing, peak, selection
 from swarmsim.studies import plan as plans
 from swarmsim.studies import report as reports
@@ -103,6 +104,10 @@ class StudyTable:
     title: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
+
+    def written(self, form: Form) -> str:
+        """The table as "markdown", "latex" (with booktabs) or "csv"."""
+        return WRITERS[form](self.head, self.rows)
 
     def _repr_html_(self) -> str:
         def row(cells: Sequence[str], tag: str) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from swarmsim.api.bare import CELL, bare
-from swarmsim.api.figures import save_picture
+from swarmsim.api.figures import save
 from swarmsim.api.overrides import Overrides, told_apart
 from swarmsim.api.runs import scenario_of
 from swarmsim.core.errors import InputError
@@ -50,14 +50,14 @@ def world_check(world: str | Path, *, overrides: Overrides | None = None, door: 
 def world_preview(
     world: str | Path, out: str | Path, *, overrides: Overrides | None = None, door: float | None = None
 ) -> Path:
-    """Draw a building as a swarm finds it, into a .png, and return its path: `swarmsim world preview`.
+    """Draw a building as a swarm finds it, into a .png, .svg or .pdf, and return its path: `swarmsim world preview`.
 
     The picture has grid, domain, spawn areas, doors, and problems. Other parameters and errors are those of
     `world_check`.
     """
     path = Path(out)
-    if path.suffix.lower() != ".png":
-        raise InputError(f"{path}: expected a name that ends in .png")
+    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise InputError(f"{path}: expected a name that ends in .png, .svg or .pdf")
     found = world_check(world, overrides=overrides, door=door)
     plan = found.arena.plan
     title = f"{found.scenario.world.title}: {plan.width:g} m x {plan.height:g} m"
@@ -75,7 +75,7 @@ def world_preview(
         2.0 * found.scenario.robots.radius,
         title,
     )
-    return save_picture(figure, path)
+    return save({path: figure})[0]
 
 
 def world_convert(

@@ -7,12 +7,15 @@ from typing import Annotated
 
 import typer
 
+from swarmsim.cli.printing import Form, for_print
 from swarmsim.cli.tables import print_table
 
 
+@for_print
 def compare(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, the reference first.")],
-    plot: Annotated[Path | None, typer.Option(help="Figure to draw, as PNG and SVG, without suffix.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Figure to draw; without a suffix, PNG and SVG.")] = None,
+    form: Form = None,
 ) -> None:
     """Print what faults cost: compare each run with the first, and plot the task's measure.
 
@@ -23,7 +26,7 @@ def compare(
 
     found = compare_runs(runs, plot=plot)
     for notice in found.notices:
-        print(f"notice: {notice}")
-    print_table(f"against {found.costs[0].name}", head(found.curve), lines(found.costs))
+        typer.echo(f"notice: {notice}", err=form is not None)
+    print_table(f"against {found.costs[0].name}", head(found.curve), lines(found.costs), form)
     for path in found.figures:
         print(path)

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swarmsim.cli.options import AllowCode
+from swarmsim.cli.printing import for_print
 
 if TYPE_CHECKING:
     from swarmsim.api.recorded import Run as RecordedRun
 
 app = typer.Typer(
-    help="Draw single moments of a run for print: PNG (300 dots per inch) and SVG.\n\n"
+    help="Draw single moments of a run for print: PNG (300 dots per inch), SVG and PDF.\n\n"
     "Example: swarmsim figure local-maps runs/basilica-1 --robots 1,2,3 --at 100",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -21,10 +22,15 @@ app = typer.Typer(
 
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")]
 Stem = Annotated[
-    Path | None, typer.Option(metavar="FOLDER/NAME", help="Figure to write, without .png and .svg; default: in RUN.")
+    Path | None,
+    typer.Option(
+        metavar="FOLDER/NAME",
+        help="Figure to write, by its suffix or as PNG and SVG; default: in RUN.",
+    ),
 ]
 
 
+@for_print
 def plot(
     recording: Run,
     figure: Annotated[
@@ -38,9 +44,11 @@ def plot(
     out: Stem = None,
     allow_code: AllowCode = False,
 ) -> None:
-    """Draw a figure of a run for print, PNG and SVG: what its task is about, or any other by its name.
+    """Draw a figure of a run for print: what its task is about, or any other by its name.
 
     Example: swarmsim plot runs/basilica-1 --figure local-maps --set robots=[1,2,3] --set at=100
+
+    For a column of a paper: --out maps.pdf --width 252pt --no-title
     """
     from swarmsim.api.runs import open as open_run
 
@@ -48,6 +56,7 @@ def plot(
 
 
 @app.command()
+@for_print
 def local_maps(
     recording: Run,
     robots: Annotated[str, typer.Option(metavar="I,J,...", help="The robots, by number from 0.")],
@@ -65,6 +74,7 @@ def local_maps(
 
 
 @app.command()
+@for_print
 def network(
     recording: Run,
     at: Annotated[int, typer.Option(metavar="N", help="The iteration on the left.")],
@@ -81,6 +91,7 @@ def network(
 
 
 @app.command()
+@for_print
 def provenance(
     recording: Run,
     robot: Annotated[int, typer.Option(metavar="I", help="The robot, by number from 0.")],

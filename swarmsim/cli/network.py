@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from swarmsim.cli.printing import for_print
 from swarmsim.cli.tables import print_table
 
 if TYPE_CHECKING:
     from swarmsim.network.report import GraphNumbers, NetworkNumbers, Spread
 
 
+@for_print
 def network(
     recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
     from_: Annotated[int, typer.Option("--from", metavar="N", help="First iteration of the window.")] = 0,
     to: Annotated[int | None, typer.Option(metavar="M", help="First iteration after it; default: the end.")] = None,
-    plots: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw figures (PNG and SVG) there.")] = None,
+    plots: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw figures there.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Measure the network of a recorded run: links, heard messages, changes and losses.

@@ -10,6 +10,7 @@ import typer
 
 from swarmsim.cli.interruption import end_if_asked, told_if_interrupted
 from swarmsim.cli.options import AllowCode, Faults, Overrides, Quiet
+from swarmsim.cli.printing import for_print
 from swarmsim.cli.progress import Counted, progress_bar
 from swarmsim.cli.studies import Scheduler, Workers
 from swarmsim.cli.tables import print_table
@@ -18,6 +19,7 @@ from swarmsim.core.durations import told
 NOT_ANSWERED = 1  # exit code
 
 
+@for_print
 def size(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
     within: Annotated[str, typer.Option(help="Time for the task: 8min, 90s, 1.5h, or seconds.")],
@@ -49,7 +51,7 @@ def size(
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    plot: Annotated[Path | None, typer.Option(help="Figure to draw, as PNG and SVG, without suffix.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Figure to draw; without a suffix, PNG and SVG.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
     allow_code: AllowCode = False,
     quiet: Quiet = False,

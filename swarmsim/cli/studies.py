@@ -11,12 +11,13 @@ import typer
 
 from swarmsim.cli.interruption import end_if_asked
 from swarmsim.cli.options import AllowCode, KeepOld, Overrides, Quiet
+from swarmsim.cli.printing import Form, for_print
 from swarmsim.cli.progress import Counted, progress_bar, study_bar
 from swarmsim.cli.tables import print_table
 from swarmsim.core.errors import InputError
 
 if TYPE_CHECKING:
-    from swarmsim.api.studies import StudyRun, StudyTable
+    from swarmsim.api.studies import StudyRun
     from swarmsim.studies.store import Store
 
 app = typer.Typer(
@@ -122,6 +123,7 @@ def table(
     ] = None,
     compare: Annotated[str | None, typer.Option(help="Test every condition against this one.")] = None,
     peak: Annotated[Ends | None, typer.Option(help="The best value on the axis by --measure.")] = None,
+    form: Form = None,
     allow_code: AllowCode = False,
 ) -> None:
     """Print the results of a study, with intervals.
@@ -130,19 +132,19 @@ def table(
 
     How sure, and by when: --by 8min --by 10min --quantile 0.95
     """
-    opened = _opened(study, seeds, store, keep_old, allow_code)
-    _print(opened.table(measure))
-    if by:
-        _print(opened.chances(*by))
-    if quantile:
-        _print(opened.quantiles(*quantile))
+    opened = _opened(study, seeds, store, keep_old, allow_code, aside=form is not None)
+    tables = [opened.table(measure)]
+    tables += [opened.chances(*by)] if by else []
+    tables += [opened.quantiles(*quantile)] if quantile else []
     if compare is not None:
-        found = opened.compare(compare)
-        _notice(opened.unlike())
-        _print(found)
+        tables.append(opened.compare(compare))
+        _notice(opened.unlike(), aside=form is not None)
+    for one in tables:
+        print_table(one.title, one.head, one.rows, form)
     if peak is not None:
         _print_peaks(opened, measure, peak)
-    print(f"digest of the runs: {opened.digest()}")
+    if form is None:
+        print(f"digest of the runs: {opened.digest()}")
 
 
 def _print_peaks(opened: StudyRun, measure: str | None, which: Ends) -> None:
@@ -156,18 +158,23 @@ def _print_peaks(opened: StudyRun, measure: str | None, which: Ends) -> None:
 
 
 @app.command()
+@for_print
 def plot(
     study: StudyFile,
-    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the figures (PNG and SVG).")],
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the figures and tables.")],
     measure: Annotated[list[str] | None, typer.Option(help="Draw a measure along the axis too; repeatable.")] = None,
     seeds: Seeds = None,
     store: StoreFile = None,
     keep_old: KeepOld = False,
     allow_code: AllowCode = False,
 ) -> None:
-    """Draw a study's curves, its distribution of iterations, its trend along an axis and its table.
+    """Draw a study's curves, its distribution of iterations, its trend along an axis, and write its table.
+
+    Figures are PNG and SVG, the table is Markdown, LaTeX and CSV.
 
     Example: swarmsim study plot kit2018/network runs/figures
+
+    For a column of a paper: --pdf --width 252pt --no-title
     """
     for path in _opened(study, seeds, store, keep_old, allow_code).plot(out, *(measure or ())):
         print(path)
@@ -195,11 +202,12 @@ def export(
 
 
 @app.command()
+@for_print
 def rank(
     study: StudyFile,
     method: Annotated[str, typer.Option(help="The 'together' of the methods' axes.")] = "method",
     within: Annotated[str | None, typer.Option(help="Key of an axis whose values are compared separately.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for figures of ratios and profiles (PNG and SVG).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for figures of ratios and profiles.")] = None,
     seeds: Seeds = None,
     store: StoreFile = None,
     keep_old: KeepOld = False,
@@ -324,22 +332,20 @@ def worst(
     print(f"{out}: swarmsim run {out}")
 
 
-def _opened(study: Path, seeds: int | None, store: Path | None, keep_old: bool, allow_code: bool) -> StudyRun:
+def _opened(
+    study: Path, seeds: int | None, store: Path | None, keep_old: bool, allow_code: bool, *, aside: bool = False
+) -> StudyRun:
     """Open a study, and print which of its runs were made by other code."""
     from swarmsim.api.studies import open_study
 
     opened = open_study(study, seeds=seeds, store=store, keep_old=keep_old, allow_code=allow_code)
-    _notice(opened.of_other_code())
+    _notice(opened.of_other_code(), aside=aside)
     return opened
 
 
-def _notice(sentences: Sequence[str]) -> None:
+def _notice(sentences: Sequence[str], *, aside: bool = False) -> None:
     for sentence in sentences:
-        print(f"notice: {sentence}")
-
-
-def _print(table: StudyTable) -> None:
-    print_table(table.title, table.head, table.rows)
+        typer.echo(f"notice: {sentence}", err=aside)
 
 
 def opened_store(asked: Path | None, study: Path) -> Store:

@@ -10,6 +10,7 @@ import typer
 
 from swarmsim.api.bare import CELL
 from swarmsim.cli import fleets, imports
+from swarmsim.cli.printing import for_print
 
 if TYPE_CHECKING:
     from swarmsim.engine.inspection import Inspection
@@ -86,9 +87,10 @@ def check(
 
 
 @app.command()
+@for_print
 def preview(
     world: Source,
-    out: Annotated[Path, typer.Argument(metavar="OUT.png", help="Picture to write.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Picture to write: .png, .svg or .pdf.")],
     set_: Set = None,
     door: Door = None,
 ) -> None:

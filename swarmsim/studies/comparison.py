@@ -51,7 +51,7 @@ class Comparison:
 
 
 def compared(runs: Sequence[Path], plot: Path | None = None) -> Comparison:
-    """Compare each recorded run with the first; `plot` is a figure to draw, without its suffix.
+    """Compare each recorded run with the first; `plot` is a figure to draw.
 
     Raises InputError for fewer than two runs, a run without iterations, or tasks with different measures.
     """
@@ -64,7 +64,8 @@ def compared(runs: Sequence[Path], plot: Path | None = None) -> Comparison:
     named, curve = dict(zip(_names(runs), opened, strict=True)), opened[0].curve
     found = costs(named)
     sides = [Side(name, run.scenario, run.world, run.code) for name, run in named.items()]
-    return Comparison(tuple(found), curve, tuple(notices(sides)), () if plot is None else draw(found, curve, plot))
+    figures = [] if plot is None else draw(found, curve, plot)
+    return Comparison(tuple(found), curve, tuple(notices(sides)), tuple(figures))
 
 
 def _names(runs: Sequence[Path]) -> list[str]:
@@ -175,8 +176,8 @@ def _shown(value: object, how: str) -> str:
     return "-" if value is None else format(value, how)
 
 
-def draw(found: Sequence[Cost], curve: Curve, path: Path) -> tuple[Path, Path]:
-    """Draw the runs' curves, with marks at their faults, as PNG and SVG; gives the files."""
+def draw(found: Sequence[Cost], curve: Curve, path: Path) -> list[Path]:
+    """Draw the runs' curves, with marks at their faults, for print; gives the files."""
     name = curve.label.partition(",")[0]
     figure = plots.curves(
         {one.name: [one.values] for one in found},

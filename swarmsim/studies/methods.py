@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.studies.plan import Plan, label, shown
+from swarmsim.studies.labels import label, shown
+from swarmsim.studies.plan import Plan
 from swarmsim.studies.results import Result
 from swarmsim.studies.survival import ROUNDING, Endings, Interval, common_horizon
 

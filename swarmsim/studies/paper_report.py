@@ -14,6 +14,7 @@ from markdown_it import MarkdownIt
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import shipped
 from swarmsim.core.scenario.files import write_whole
+from swarmsim.core.tables import markdown
 from swarmsim.recording.digests import versions
 from swarmsim.studies import fit
 from swarmsim.studies import reproduction as rep
@@ -121,19 +122,19 @@ def _text(found: Sequence[Reproduction], figures: dict[str, str]) -> str:
     parts = [f"# {_title(found)}", f"{first.seed_count} seeds of each condition.", "## Readings side by side"]
     if first.numbers:
         head = ("condition", "published", *(cell for one in found for cell in (one.reading.title, "ratio")))
-        parts.append(_table(head, rep.side_by_side(found)))
+        parts.append(markdown(head, rep.side_by_side(found)))
     verdicts = [
         (decided.claim.text, *(one.claims[place].verdict for one in found))
         for place, decided in enumerate(first.claims)
     ]
-    parts.append(_table(("claim", *(one.reading.title for one in found)), verdicts))
+    parts.append(markdown(("claim", *(one.reading.title for one in found)), verdicts))
     for one in found:
         parts += _of_reading(one, figures)
     digests = [(f"digest of the runs, {one.reading.title}", one.digest) for one in found]
     provenance = [*digests, ("seeds", first.seeds), *versions().items()]
     runs = " or ".join(f"`swarmsim run {one} --seed N --set ...`" for one in _scenarios(first))
     studies = " and ".join(dict.fromkeys(f"`{_shown(plan.path.parent)}/`" for plan in first.plans.values()))
-    parts += ["## Provenance", _table(("what", "value"), provenance)]
+    parts += ["## Provenance", markdown(("what", "value"), provenance)]
     parts.append(f"Each run is repeated by {runs}; the studies are in {studies}.")
     return "\n\n".join(parts) + "\n"
 
@@ -143,16 +144,16 @@ def _of_reading(found: Reproduction, figures: dict[str, str]) -> list[str]:
     mine = [figure for figure in figures if figure.startswith(f"{reading.name}-") and figure != name]
     parts = [f"## The reading {reading.title}"]
     if reading.given:
-        parts.append(_table(("what the paper says", "how it is read"), reading.given))
+        parts.append(markdown(("what the paper says", "how it is read"), reading.given))
     changes = ", ".join(f"`{key} = {value}`" for key, value in reading.changes.items())
     where = " and ".join(f"`{one}`" for one in _scenarios(found))
     chosen = "" if reading.calibration is None else f"; chosen by `{_shown(found.paper.folder / reading.calibration)}`"
     parts.append(f"What it leaves open: {changes}{' and ' if changes else ''}as {where} has it{chosen}.")
     if found.numbers:
         fitted = found.fit
-        parts += [found.error_sentences(fitted), _table((*rep.HEAD[:-1], "kind"), rep.lines(found))]
+        parts += [found.error_sentences(fitted), markdown((*rep.HEAD[:-1], "kind"), rep.lines(found))]
         if fitted is not None:
-            parts += [f"{fit.TITLE}:", _table(fit.HEAD, fit.lines(fitted)), fit.MEANING]
+            parts += [f"{fit.TITLE}:", markdown(fit.HEAD, fit.lines(fitted)), fit.MEANING]
     if reading.calibrated:
         parts.append(
             "`calibrated` marks the numbers that the choices left open by the paper were fitted to, with other "
@@ -161,9 +162,9 @@ def _of_reading(found: Reproduction, figures: dict[str, str]) -> list[str]:
     if name in figures:
         parts.append(_image(name, figures))
     for listing in found.paper.about.table:
-        parts += [f"{listing.title}:", _table(rep.LISTED, rep.listed(found, listing))]
+        parts += [f"{listing.title}:", markdown(rep.LISTED, rep.listed(found, listing))]
     parts.append(
-        _table(("claim", "verdict", "test"), [(claim.text, verdict, test) for claim, verdict, test in found.claims])
+        markdown(("claim", "verdict", "test"), [(claim.text, verdict, test) for claim, verdict, test in found.claims])
     )
     parts += [_image(figure, figures) for figure in mine]
     for figure in found.paper.about.figure:
@@ -172,7 +173,7 @@ def _of_reading(found: Reproduction, figures: dict[str, str]) -> list[str]:
             a, b = rep.scaling_fit(results)
             head = ("swarm", f"speed-up over {next(iter(results))}", "efficiency", "Karp-Flatt serial share")
             parts.append(f"T = {a:.0f} + {b:.0f} / N iterations, least squares over all runs.")
-            parts.append(_table(head, rep.scaling_lines(results)))
+            parts.append(markdown(head, rep.scaling_lines(results)))
     return parts
 
 
@@ -191,8 +192,3 @@ def _shown(path: Path) -> str:
 
 def _image(name: str, figures: dict[str, str]) -> str:
     return f"![{figures[name]}]({name}.png)\n\n*{figures[name]}.*"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    body = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(str(cell).replace("|", "/") for cell in row) + " |" for row in body)

@@ -28,6 +28,7 @@ from swarmsim.core.scenario.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
 from swarmsim.recording.digests import versions
+from swarmsim.studies.labels import label
 from swarmsim.studies.requests import asked, libraries
 from swarmsim.studies.watching import Watch
 from swarmsim.world.source import read_world
@@ -42,6 +43,7 @@ class Axis(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     key: str  # dotted, of the scenario
     values: Annotated[list[Any], Meta(min_length=1)]  # one condition for each
+    names: list[str] | None = None  # of the values, in conditions, tables and figures
     together: str | None = None  # axes with the same name step together; all others are crossed
 
 
@@ -68,6 +70,11 @@ class Study(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     vary: tuple[Axis, ...] = ()  # keys and the values that they take
     condition: tuple[Named, ...] = ()  # single conditions outside the grid
     expect: tuple[Expect, ...] = ()  # of every condition's runs; `swarmsim test`
+
+    @property
+    def words(self) -> dict[str, list[tuple[object, str]]]:
+        """The names of an axis' values, by its key."""
+        return {axis.key: list(zip(axis.values, axis.names, strict=True)) for axis in self.vary if axis.names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,6 +228,9 @@ def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:
     """Each condition's changes, by name: the grid of all axes, then the named ones."""
     groups: dict[str, list[Axis]] = {}
     for number, axis in enumerate(study.vary):
+        if axis.names is not None and len(axis.names) != len(axis.values):
+            counts = f"{len(axis.names)} names for {len(axis.values)} values"
+            raise InputError(f"{path}: vary: {axis.key}: {counts}; expected a name for each value")
         groups.setdefault(axis.together or f"axis {number}", []).append(axis)
     steps: list[list[dict[str, object]]] = []
     for name, axes in groups.items():
@@ -233,9 +243,10 @@ def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:
     changes: dict[str, dict[str, object]] = {}
     for cell in grid:
         if cell or not study.condition:
-            if label(cell) in changes:
-                raise InputError(f"{path}: vary: {label(cell)!r} is listed twice; expected each value once")
-            changes[label(cell)] = cell
+            name = label(cell, study.words)
+            if name in changes:
+                raise InputError(f"{path}: vary: {name!r} is listed twice; expected each value once")
+            changes[name] = cell
     for named in study.condition:
         if named.name in changes:
             raise InputError(f"{path}: condition: the name {named.name!r} is listed twice; expected each once")
@@ -253,19 +264,7 @@ def _place(study: Study, cell: dict[str, object]) -> tuple[float | None, str]:
         return None, ""
     leading = {axis.together or axis.key: axis.key for axis in reversed(study.vary)}  # one key for each group
     others = {key: cell[key] for group, key in reversed(leading.items()) if group != (first.together or first.key)}
-    return float(value), label(others) if others else ""
-
-
-def label(cell: dict[str, object]) -> str:
-    """A short name such as "k=2, count=15"."""
-    return ", ".join(f"{key.rpartition('.')[2]}={shown(value)}" for key, value in cell.items()) or "base"
-
-
-def shown(value: object) -> object:
-    """A part by its name and other keys, such as "k-random k=2"; anything else unchanged."""
-    if not isinstance(value, dict) or "use" not in value:
-        return value
-    return " ".join([str(value["use"]), *(f"{key}={shown(one)}" for key, one in value.items() if key != "use")])
+    return float(value), label(others, study.words) if others else ""
 
 
 def changed(place: str, table: Table, changes: dict[str, object], folder: Path) -> Scenario:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from swarmsim.core.errors import InputError
-from swarmsim.studies.plan import shown
+from swarmsim.studies.labels import shown
 from swarmsim.studies.sizing import Asked
 from swarmsim.studies.survival import Interval
 

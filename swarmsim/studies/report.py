@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.scenario.describe import axis_label
+from swarmsim.core.tables import SUFFIXES, WRITERS
 from swarmsim.studies.methods import TAUS, Compared
 from swarmsim.studies.plan import Study, one_period
 from swarmsim.studies.results import HEAD, Result, filled, lines
@@ -32,21 +34,31 @@ img { max-width: 100% } code { background: #f3f3f3; padding: 0 0.2rem }
 
 
 def study_figures(study: Study, results: dict[str, Result], folder: Path, measures: Sequence[str] = ()) -> list[Path]:
-    """Draw a study's distributions, curves, table and measures along its axis into a folder; gives the files.
+    """Draw a study's distributions, curves and measures along its axis into a folder, with its table; gives the files.
 
     Raises InputError if there is nothing to draw or the folder cannot be written.
     """
     try:
         drawn = _drawn(study, results, measures).items()
-        return [path for name, figure in drawn for path in plots.save(figure, folder / name)]
+        return [path for name, figure in drawn for path in plots.save(figure, folder / name)] + _tables(results, folder)
     except OSError as problem:
         raise unwritten(folder, problem, "a folder for figures") from problem
 
 
+def _tables(results: dict[str, Result], folder: Path) -> list[Path]:
+    """Write the table of all conditions with runs for documents."""
+    table = filled(HEAD, lines({name: result for name, result in results.items() if result.rows}))
+    files = []
+    for form, write in WRITERS.items():
+        files.append(folder / f"table{SUFFIXES[form]}")
+        files[-1].write_text(f"{write(*table)}\n", encoding="utf-8")
+    return files
+
+
 def study_pictures(study: Study, results: dict[str, Result]) -> dict[str, str]:
-    """The same without the table, as data URLs for a page, by caption."""
+    """The same figures as data URLs for a page, by caption."""
     drawn = _drawn(study, results, ())
-    return {name.replace("_", " ").capitalize(): plots.address(drawn[name]) for name in drawn if name != "table"}
+    return {name.replace("_", " ").capitalize(): plots.address(figure) for name, figure in drawn.items()}
 
 
 def method_figures(found: Compared, title: str, folder: Path) -> list[Path]:
@@ -74,9 +86,8 @@ def _drawn(study: Study, results: dict[str, Result], measures: Sequence[str]) ->
             {name: one.finished for name, one in ends.items()},
             title,
             period=period,
-            ylabel=plots.TIME if period else SECONDS,
+            label=plots.TIME if period else SECONDS,
         ),
-        "table": plots.table(*filled(HEAD, lines(there)), title),
     }
     if measures or any(result.condition.x is not None for result in there.values()):
         figures["sweep"] = sweep_figure(study, there, title)
@@ -94,7 +105,8 @@ def sweep_figure(study: Study, there: dict[str, Result], title: str, measure: st
     if all(result.condition.x is None for result in there.values()):
         what = measure or "iterations"
         raise InputError(f"{title}: no axis to draw {what} along; expected numbers varied, or 'x' of conditions")
-    axis = study.axis or (study.vary[0].key if study.vary else "x")
+    first = next(result.condition for result in there.values() if result.condition.x is not None)
+    axis = study.axis or (axis_label(first.scenario, study.vary[0].key) if study.vary else "x")
     if measure:
         return plots.sweep(*_series(there, measure), axis, title, measure.replace("_", " "))
     period = one_period(result.condition for result in there.values())

@@ -21,9 +21,8 @@ BANDS: Final = 3  # intervals drawn in a panel: of the values with most runs, as
 def figures(found: Sizing, path: Path, title: str) -> list[Path]:
     """Draw the chance of being done by each time, and with prices the front, as `path` and `path`-front.
 
-    Each is a PNG and an SVG. Raises InputError if they cannot be written.
+    Raises InputError if they cannot be written.
     """
-    path = path.with_suffix("") if path.suffix in (".png", ".svg") else path
     question = found.answers[0].answer.question
     asked = sequential.bounds(question.sure, question.slack)[0], question.sure
     groups = {one.name: _curves(one) for one in found.answers}
@@ -36,7 +35,7 @@ def figures(found: Sizing, path: Path, title: str) -> list[Path]:
             for one in points
         ]  # fmt: skip
         what = f"{title}: what suffices, done within {told(question.within)}"
-        drawn[path.with_name(f"{path.name}-front")] = plots.front(ways, what)
+        drawn[path.with_stem(f"{path.stem}-front")] = plots.front(ways, what)
     try:
         return [file for place, figure in drawn.items() for file in plots.save(figure, place)]
     except OSError as problem:

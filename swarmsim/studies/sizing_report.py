@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from swarmsim.core.durations import told
-from swarmsim.studies.plan import shown
+from swarmsim.studies.labels import shown
 from swarmsim.studies.prices import Prices
 from swarmsim.studies.sizing import Asked
 from swarmsim.studies.sizing_words import SizedLadder, said

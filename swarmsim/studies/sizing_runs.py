@@ -12,7 +12,8 @@ import numpy as np
 from swarmsim.core.durations import iterations_in, told
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.files import Table
-from swarmsim.studies.plan import Condition, Plan, Study, changed, checked, label
+from swarmsim.studies.labels import label
+from swarmsim.studies.plan import Condition, Plan, Study, changed, checked
 from swarmsim.studies.runner import Runner
 from swarmsim.studies.sizing import Times
 from swarmsim.studies.store import Row

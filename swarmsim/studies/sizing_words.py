@@ -9,7 +9,7 @@ from typing import Final
 
 from swarmsim.core.durations import told
 from swarmsim.studies import sequential
-from swarmsim.studies.plan import label, shown
+from swarmsim.studies.labels import label, shown
 from swarmsim.studies.sizing import Asked, LadderAnswer
 
 COUNT: Final = "robots.count"

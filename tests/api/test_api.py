@@ -141,7 +141,13 @@ def test_a_study_does_what_is_missing(tmp_path: Path) -> None:
     assert [d.n for d in done.describe().values()] == [2, 2]
     assert len(done.frame()) == 4
     assert len(done.curves("k=0")) == 2
-    assert {path.suffix for path in done.plot(tmp_path / "figures", "path_sum")} == {".png", ".svg"}
+    assert {path.suffix for path in done.plot(tmp_path / "figures", "path_sum")} == {
+        ".png",
+        ".svg",
+        ".md",
+        ".tex",
+        ".csv",
+    }
     assert (tmp_path / "figures" / "path_sum.png").exists()
     assert "<td>k=2</td>" in done._repr_html_()
     more = sw.study(path, seeds=3, store=tmp_path / "two.sqlite", workers=1)

@@ -75,8 +75,8 @@ WITHOUT = {
     "view": "opens a window and takes keys until it is closed",
     "robot run": "is a process of its own until the world ends",
 }
-#: Options that belong to a command alone, whatever its verb.
-OF_COMMANDS = {"quiet", "as_json", "help"}
+#: Options that belong to a command alone, whatever its verb; for print there are `printing` and `StudyTable.written`.
+OF_COMMANDS = {"quiet", "as_json", "help", "pdf", "svg", "width", "font", "no_title", "style", "form"}
 #: What an option is called in Python, where it is not the same word.
 CALLED = {
     "set_": "overrides",

@@ -106,7 +106,7 @@ def test_generate_and_a_study_over_its_seeds(tmp_path: Path) -> None:
     [
         (["world", "convert", ROOM, "x.dxf"], "expected a name that ends in"),
         (["world", "convert", ROOM, "x.yaml", "--cell", "0"], "--cell 0"),
-        (["world", "preview", ROOM, "x.jpg"], "ends in .png"),
+        (["world", "preview", ROOM, "x.jpg"], "ends in .png, .svg or .pdf"),
         (["world", "check", ROOM, "--door", "-1"], "--door -1"),
         (["world", "check", "nowhere.svg"], "no such file"),
         (["world", "generate", "castle", "x.svg"], "no generator is called"),

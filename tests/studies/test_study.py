@@ -19,6 +19,8 @@ from conftest import ROOT, called, jobs_here
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.describe import axis_label
+from swarmsim.core.scenario.file import load
 from swarmsim.recording import measures
 from swarmsim.studies import results as res
 from swarmsim.studies.engine import execute, run_job
@@ -113,6 +115,35 @@ def test_axes_cross_or_step_together(study: Path) -> None:
     together = STUDY.replace('topology.k"', 'topology.k"\ntogether = "both"').replace("[0, 1, 2]", "[1, 2]")
     study.write_text(together + more.replace("values", 'together = "both"\nvalues'))
     assert [c.name for c in open_study(study).conditions] == ["k=1, count=4", "k=2, count=5", "chain"]
+
+
+def test_values_of_an_axis_have_names_of_their_own_and_lists_of_parts_are_told_in_words(study: Path) -> None:
+    faults = '[[vary]]\nkey = "faults"\nvalues = [[], [{use = "crash", at = 5}, {use = "remove", at = 9, count = 1}]]\n'
+    study.write_text(STUDY.replace("[0, 1, 2]", "[1]") + faults)
+    told = ["k=1, faults=none", "k=1, faults=crash at=5 and remove at=9 count=1", "chain"]
+    assert [c.name for c in open_study(study).conditions] == told
+    study.write_text(STUDY.replace("[0, 1, 2]", "[1]") + faults + 'names = ["sound", "two die"]\n')
+    conditions = open_study(study).conditions
+    assert [(c.name, c.series, c.x) for c in conditions[:2]] == [
+        ("k=1, sound", "sound", 1.0),
+        ("k=1, two die", "two die", 1.0),
+    ]
+    study.write_text(STUDY.replace("[0, 1, 2]", "[0, 1, 2]\nnames = ['nobody']"))
+    with pytest.raises(InputError, match=r"topology\.k: 1 names for 3 values; expected a name for each value"):
+        open_study(study)
+
+
+def test_an_axis_is_labelled_in_words_with_its_unit() -> None:
+    scenario = load(ROOT / "scenarios/room.toml")
+    for key, words in {
+        "robots.count": "robots",
+        "robots.speed": "speed, m/s",
+        "robots.wheel_base": "wheel base, m",
+        "network.topology.k": "others heard, k",
+        "stop.iterations": "iterations",
+        "robots.spawn": "spawn",
+    }.items():
+        assert axis_label(scenario, key) == words, key
 
 
 @pytest.mark.parametrize(
@@ -323,9 +354,18 @@ def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
     assert columns["digest"] == [row["digest"] for row in rows]
     assert columns["iterations"] == [int(row["iterations"]) for row in rows]
     assert {row["network.topology.k"] for row in rows} == {"0", "1", "2", ""}
+    document = called("study", "table", study, *at, "--format", "latex", cwd=tmp_path).stdout
+    assert document.startswith("\\begin{tabular}{l")
+    assert document.endswith("\\end{tabular}\n")
     drawn = called("study", "plot", study, "figures", *at, cwd=tmp_path)
     assert drawn.returncode == 0, drawn.stderr
-    assert {path.name for path in (tmp_path / "figures").iterdir()} >= {"iterations.png", "coverage.svg", "table.png"}
+    assert {path.name for path in (tmp_path / "figures").iterdir()} >= {
+        "iterations.png",
+        "coverage.svg",
+        "table.md",
+        "table.tex",
+        "table.csv",
+    }
 
 
 def test_times_in_a_table_are_of_coverage_and_not_of_the_share_asked_for(tmp_path: Path) -> None:

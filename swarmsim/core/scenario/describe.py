@@ -6,6 +6,7 @@ import ast
 import dataclasses
 import inspect
 import io
+import re
 import textwrap
 import tokenize
 import typing
@@ -20,6 +21,7 @@ from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.part import Part, seam_of
 from swarmsim.core.seams import SEAMS
+from swarmsim.core.tables import markdown
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +172,25 @@ def comments(kind: type) -> dict[str, str]:
     return found
 
 
+def axis_label(scenario: msgspec.Struct, key: str) -> str:
+    """A dotted key of a scenario on an axis, in the words and the unit of its meaning: "others heard, k"."""
+    holder: object = scenario
+    *path, last = key.split(".")
+    name = last.replace("_", " ")
+    for step in path:
+        holder = holder[int(step)] if step.isdecimal() and isinstance(holder, tuple) else getattr(holder, step, None)
+        holder = holder.parameters if isinstance(holder, Part) and holder else holder
+    meaning = comments(type(holder)).get(last, "").partition(";")[0].strip()
+    first, _, rest = meaning.partition(",")
+    if UNIT.fullmatch(first):
+        return f"{rest.strip() or name}, {first}" if len(last) == 1 else f"{name}, {first}"
+    if not meaning or len(meaning) > LONGEST or meaning.startswith("the "):
+        return name
+    return f"{meaning}, {name}" if len(last) == 1 else meaning
+
+
+UNIT: Final = re.compile(r"(?:[mskgNWJVAK%]|mm|cm|min|rad|Hz|kg|dB|dBm|B)(?:[/ ^\d-]*(?:[msgNWJVAK]|rad|kg|B)?)*")
+LONGEST: Final = 40  # letters along an axis
 PLAIN: Final[dict[type, str]] = {
     types.BoolType: "true or false",
     types.StrType: "text",
@@ -209,13 +230,13 @@ def _bounds(kind: types.IntType | types.FloatType) -> str:
 
 def seams_in_markdown() -> str:
     """The table of all seams in docs/parts.md."""
-    rows = [("seam", "in a scenario", "default", "what a part does", "what it has"), ("---",) * 5]
+    head, rows = ("seam", "in a scenario", "default", "what a part does", "what it has"), []
     for seam in SEAMS.values():
         place = f"`[[{seam.at}]]`" if seam.many else f"`[{seam.at}]`" if seam.place else seam.elsewhere
         default = "must be named" if seam.required else f"`{seam.default}`" if seam.default else "none"
         does = _first_sentence(inspect.cleandoc(seam.protocol.__doc__ or "")).rstrip(".")
         rows.append((seam.name, place, default, does, ", ".join(f"`{verb}`" for verb in seam.verbs)))
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return f"{markdown(head, rows)}\n"
 
 
 def plain(description: PartDescription) -> dict[str, object]:

@@ -12,6 +12,7 @@ import tomli_w
 from markdown_it import MarkdownIt
 
 from swarmsim.core.scenario.files import write_whole
+from swarmsim.core.tables import markdown
 from swarmsim.studies.benchmark.entries import MethodEntry
 from swarmsim.studies.benchmark.scores import (
     SHARES,
@@ -150,7 +151,7 @@ def _text(tasks: TaskSet, entries: Sequence[MethodEntry], found: Mapping[str, St
         f"# {_plain(about.title)}",
         f"Set {tasks.name}, digest {tasks.digest}. {len(entries)} entries on {public.worlds} public worlds, "
         f"{len(tasks.of_part('public'))} tasks. {_unit(public)} {_spent(joules)}",
-        _table(HEAD, lines(public)),
+        markdown(HEAD, lines(public)),
         "FIGURE scores",
         "FIGURE profiles",
         f"Share of runs with T99 within a ratio. A run that never saw 99 % counts at no ratio. Limit: {tasks.limit} "
@@ -158,16 +159,16 @@ def _text(tasks: TaskSet, entries: Sequence[MethodEntry], found: Mapping[str, St
         "## Different or not",
         "Two entries on the same worlds: one number a world, signs drawn anew, Holm's correction over all "
         f"{len(public.pairs)} pairs; *different* at 5 % for all of them together. Intervals are of each pair alone.",
-        _table(PAIRED, pair_lines(public)),
+        markdown(PAIRED, pair_lines(public)),
         "## T99 apart",
-        _table(head, split),
+        markdown(head, split),
     ]
     if "held-out" in found:
         held = found["held-out"]
         parts += [
             "## Held-out worlds",
             f"{held.worlds} worlds that nobody had seen. {held_out_line(public, held)}",
-            _table(HEAD, lines(held)),
+            markdown(HEAD, lines(held)),
         ]
     parts += ["## Entries", *(_described(entry) for entry in entries)]
     return "\n\n".join(parts) + "\n"
@@ -206,8 +207,3 @@ def _described(entry: MethodEntry) -> str:
 def _plain(text: str) -> str:
     """A text from an entry, without marks of Markdown and line breaks."""
     return " ".join("".join(f"\\{one}" if one in "\\`*_[]<>#!|&~" else one for one in text).split())
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    body = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(str(cell).replace("|", "/") for cell in row) + " |" for row in body)

@@ -26,7 +26,8 @@ from swarmsim.core.scenario.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.faults.in_words import fault_in_words
 from swarmsim.recording.measures import RunMeasures
-from swarmsim.studies.plan import Condition, Plan, Study, changed, changes_of, planned, read_study, shown
+from swarmsim.studies.labels import shown
+from swarmsim.studies.plan import Condition, Plan, Study, changed, changes_of, planned, read_study
 from swarmsim.studies.watching import Watch
 
 

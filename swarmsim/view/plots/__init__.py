@@ -5,7 +5,6 @@ from swarmsim.view.plots.building import building
 from swarmsim.view.plots.chances import Chances, Way, chances, front
 from swarmsim.view.plots.conditions import comparison, distributions
 from swarmsim.view.plots.imported import imported
-from swarmsim.view.plots.listing import table
 from swarmsim.view.plots.local_maps import local_maps
 from swarmsim.view.plots.methods import Ratios, profiles, ratios
 from swarmsim.view.plots.network import contact_times, degrees, network_course, who_heard_whom
@@ -13,12 +12,12 @@ from swarmsim.view.plots.over_time import curves, padded
 from swarmsim.view.plots.provenance import provenance
 from swarmsim.view.plots.rewiring import rewiring
 from swarmsim.view.plots.sheet import address, save
-from swarmsim.view.plots.style import COLOURS, FINEST, TIME
+from swarmsim.view.plots.style import COLOURS, FINEST, TIME, printing
 from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
     "COLOURS", "FINEST", "TIME", "Chances", "Ratios", "Steps", "Way", "address", "asked", "building", "chances",
     "comparison", "contact_times", "curves", "degrees", "distributions", "front", "imported", "local_maps",
-    "network_course", "padded", "profiles", "provenance", "ratios", "rewiring", "save", "scaling", "sweep", "table",
+    "network_course", "padded", "printing", "profiles", "provenance", "ratios", "rewiring", "save", "scaling", "sweep",
     "who_heard_whom",
 ]  # fmt: skip

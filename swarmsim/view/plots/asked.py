@@ -10,7 +10,8 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.part import Part
 from swarmsim.recording.reader import Recording
 from swarmsim.view.figure import RunFigure
-from swarmsim.view.plots.style import styled
+from swarmsim.view.plots.dark import darken
+from swarmsim.view.plots.style import asked_for, styled
 
 
 @styled
@@ -26,6 +27,8 @@ def asked(part: Part[RunFigure], recording: Recording) -> Figure:
         found = part.build(recording).draw(recording)
         if isinstance(found, Figure):
             found.draw_without_rendering()  # what cannot be drawn fails here
+            if asked_for().look == "dark":
+                darken(found)
             return found
     except InputError:
         raise

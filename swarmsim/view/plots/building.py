@@ -44,8 +44,7 @@ def building(
     """
     bounds = _bounds(plan)
     left, right, low, high = bounds
-    width = 9.0
-    figure = sheet(width, min(max(width * (high - low) / (right - left), 3.0), 12.0) + 1.4, title)
+    figure = sheet(9.0, 6.0, title)
     axes = figure.subplots()
     if domain is not None:
         axes.imshow(
@@ -65,7 +64,7 @@ def building(
         colour = CHANCE[_chance(wide, diameter)]
         axes.plot(x, y, "o", ms=5.0, color=colour, mec=BLACK, mew=0.4, zorder=4)
         axes.annotate(
-            f"{wide:.2f}", (x, y), (4, 3), textcoords="offset points", size=6.5, zorder=5,
+            f"{wide:.2f}", (x, y), (4, 3), textcoords="offset points", size="x-small", zorder=5,
             bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75},
         )  # fmt: skip
     for places, mark, size in ((pockets, "x", 5.0), (problems, "D", 9.0)):

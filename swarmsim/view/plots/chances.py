@@ -50,30 +50,28 @@ def chances(
     `within` is the time allowed, s; `asked` the chance that must be exceeded and the one asked for, with a band
     between; `level` the confidence of the intervals at any one time.
     """
-    figure = sheet(8.6, 1.2 + 4.2 * len(groups), title)
+    figure = sheet(6.4, 0.8 + 3.4 * len(groups), title)
     panels = figure.subplots(len(groups), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     unit, scale = ("min", 60.0) if within >= 180.0 else ("s", 1.0)
+    handles: list[Artist] = []
     for axes, (group, curves) in zip(panels, groups.items(), strict=True):
-        handles = [handle for row, curve in enumerate(curves) for handle in _curve(axes, row, curve, scale)]
+        for row, curve in enumerate(curves):
+            handles += _curve(axes, row, curve, scale, f"{group}: " if group and len(groups) > 1 else "")
         axes.axhspan(100.0 * asked[0], 100.0 * asked[1], color=GREY, alpha=0.35, linewidth=0)
         axes.axvline(within / scale, color=BLACK, lw=1.2, linestyle=":")
         axes.set(title=group, ylabel="done, % of runs", xlim=(0.0, 1.02 * within / scale), ylim=(0.0, 101.5))
-        handles += [
-            area_key(_interval(level, curves), GREY, "none", 0.2),
-            area_key(f"asked for: {100 * asked[1]:g} %,\nless the slack", GREY, "none", 0.45),
-            line_key("time allowed", BLACK, "", ":"),
-        ]
-        axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     panels[-1].set_xlabel(f"time since the start, {unit}")
-    return settled(figure)
+    banded = all(curve.banded for curves in groups.values() for curve in curves)
+    interval = f"{100 * level:.3g} % interval at any one time{'' if banded else ', of those with most runs'}"
+    handles += [
+        area_key(interval, GREY, "none", 0.2),
+        area_key(f"asked for: {100 * asked[1]:g} %, less the slack", GREY, "none", 0.45),
+        line_key("time allowed", BLACK, "", ":"),
+    ]
+    return settled(figure, handles, panels[0] if len(groups) == 1 else None)
 
 
-def _interval(level: float, curves: Sequence[Chances]) -> str:
-    some = "" if all(curve.banded for curve in curves) else ",\nof those with most runs"
-    return f"interval, {100 * level:.3g} % at any one\ntime, whenever runs stop{some}"
-
-
-def _curve(axes: Axes, row: int, curve: Chances, scale: float) -> Sequence[Artist]:
+def _curve(axes: Axes, row: int, curve: Chances, scale: float, group: str) -> Sequence[Artist]:
     colour = COLOURS[row % len(COLOURS)]
     times = curve.times / scale
     if curve.banded:
@@ -83,7 +81,7 @@ def _curve(axes: Axes, row: int, curve: Chances, scale: float) -> Sequence[Artis
         )  # fmt: skip
     return axes.plot(
         times, 100.0 * curve.shares, color=colour, drawstyle="steps-post", linewidth=2.8 if curve.best else 1.4,
-        linestyle="-" if curve.best else DASHES[row // 2 % len(DASHES)], label=curve.label,
+        linestyle="-" if curve.best else DASHES[row // 2 % len(DASHES)], label=group + curve.label,
         marker=MARKERS[row % len(MARKERS)], markersize=5, markevery=(row / 60.0, 0.25),
     )  # fmt: skip
 
@@ -91,7 +89,7 @@ def _curve(axes: Axes, row: int, curve: Chances, scale: float) -> Sequence[Artis
 @styled
 def front(ways: Sequence[Way], title: str) -> Figure:
     """Mean time against mean price; each way has its risk beside it, and is filled if none is better in all three."""
-    figure = sheet(8.4, 5.4, title)
+    figure = sheet(6.4, 4.4, title)
     axes = figure.subplots()
     handles: list[Artist] = []
     unit, scale = ("min", 60.0) if max(way.seconds for way in ways) >= 180.0 else ("s", 1.0)
@@ -103,7 +101,7 @@ def front(ways: Sequence[Way], title: str) -> Figure:
             axes.plot(way.price, way.seconds / scale, marker, color=colour, mfc=face, ms=8, mew=1.6, zorder=3)
             axes.annotate(
                 f"{way.label}, {100 * way.risk:.1f} %", (way.price, way.seconds / scale), (7, 6),
-                textcoords="offset points", fontsize=8,
+                textcoords="offset points", fontsize="small",
             )  # fmt: skip
         handles += [line_key(group, colour, marker)] if group else []
     handles += [

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from swarmsim.view.plots.fault_marks import area_key, counted, estimate_bars, line_key, places_of, quartile_box
-from swarmsim.view.plots.scales import name_conditions, span_axis, time_axis
+from swarmsim.view.plots.scales import Scale, name_conditions, span_axis, time_axis
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, BLUE, PALE, PURPLE, TIME, VERMILLION, Reals, styled
 
@@ -18,34 +18,36 @@ from swarmsim.view.plots.style import BLACK, BLUE, PALE, PURPLE, TIME, VERMILLIO
 def distributions(
     times: Mapping[str, Reals], finished: Mapping[str, NDArray[np.bool_]], title: str,
     published: Mapping[str, float] = {}, estimates: Mapping[str, tuple[float, float, float]] = {},
-    period: float | None = None, ylabel: str = TIME,
+    period: float | None = None, label: str = TIME,
 ) -> Figure:  # fmt: skip
     """Every run's iterations to 100 %: a box and points for each condition.
 
     `times` (n,) holds each run's iterations, or its limit where `finished` (n,) is false. The box shows the
     median and the quartiles of all runs, unfinished ones counted at their limits: a lower bound where the box
-    touches them. `published` values stand left of the box, `estimates` (a mean, and the low and the high end of
-    its 95 % interval) right of it. The scale is logarithmic if the numbers differ more than eightfold.
+    touches them. `published` values stand above the box, `estimates` (a mean, and the low and the high end of
+    its 95 % interval) below it. The scale is logarithmic if the numbers differ more than eightfold.
     With the `period` of iterations in s there is a second axis in time.
     """
-    figure = sheet(max(6.4, 1.6 + 0.68 * len(times)), 5.2, title)
+    figure = sheet(6.4, 1.2, title)
     axes = figure.subplots()
-    for row, (label, taken) in enumerate(times.items()):
-        quartile_box(axes, row, np.asarray(taken, dtype=float), np.asarray(finished[label], dtype=bool))
+    for row, (name, taken) in enumerate(times.items()):
+        quartile_box(axes, row, np.asarray(taken, dtype=float), np.asarray(finished[name], dtype=bool))
     means = np.array(list(estimates.values()), dtype=float).reshape(-1, 3)
-    estimate_bars(axes, places_of(estimates, list(times)) + 0.36, means[:, 0], means[:, 1:], BLACK, 1.6)
-    axes.plot(places_of(published, list(times)) - 0.36, list(published.values()), "D", color=PURPLE, mec=BLACK, ms=6)
+    estimate_bars(axes, places_of(estimates, list(times)) + 0.36, means[:, 0], means[:, 1:], BLACK, 1.6, "x")
+    axes.plot(list(published.values()), places_of(published, list(times)) - 0.36, "D", color=PURPLE, mec=BLACK, ms=5)
     everything = np.concatenate([*times.values(), means.ravel(), list(published.values())])
-    span_axis(axes, everything, "log" if np.nanmax(everything) > 8.0 * np.nanmin(everything) > 0.0 else "linear")
-    handles = [area_key("median and quartiles", PALE, BLUE), line_key("one run", BLUE, "o", size=3.5)]
+    scale: Scale = "log" if np.nanmax(everything) > 8.0 * np.nanmin(everything) > 0.0 else "linear"
+    span_axis(axes, everything, scale, along="x")
+    runs = [len(one) for one in times.values()]
+    handles = [area_key("median and quartiles", PALE, BLUE), line_key(f"one run{counted(runs)}", BLUE, "o", size=3)]
     if not all(np.all(done) for done in finished.values()):
-        handles += [line_key("unfinished, at its limit", VERMILLION, "^", face="none")]
+        handles += [line_key("unfinished, at its limit", VERMILLION, ">", face="none", size=5)]
     handles += [line_key("mean, 95 % interval", BLACK, "o", "-")] if estimates else []
     handles += [line_key("published", PURPLE, "D", edge=BLACK)] if published else []
-    name_conditions(figure, axes, list(times), [len(taken) for taken in times.values()], ylabel)
+    name_conditions(figure, axes, list(times), runs, label)
     if period is not None:
-        time_axis(axes, period, "y")
-    return settled(figure, handles)
+        time_axis(axes, period, "x")
+    return settled(figure, handles, axes)
 
 
 @styled
@@ -59,16 +61,17 @@ def comparison(
     single runs are expected, thin; `published` (m,). NaN where there is no number. `runs`: how many made each mean.
     With the `period` of iterations in s there is a second axis in time.
     """
-    figure = sheet(max(6.4, 1.6 + 0.6 * len(labels)), 5.0, title)
+    figure = sheet(6.4, 1.2, title)
     axes = figure.subplots()
     places = np.arange(len(labels), dtype=float)
-    estimate_bars(axes, places - 0.14, ours_mean, prediction, BLUE, 1.2)
-    estimate_bars(axes, places - 0.14, ours_mean, interval, BLUE, 4.0)
-    axes.plot(places + 0.16, published, "D", color=PURPLE, mec=BLACK, ms=7)
-    span_axis(axes, np.concatenate([ours_mean, np.ravel(interval), np.ravel(prediction), published]), "log")
+    estimate_bars(axes, places - 0.14, ours_mean, prediction, BLUE, 1.2, "x")
+    estimate_bars(axes, places - 0.14, ours_mean, interval, BLUE, 4.0, "x")
+    axes.plot(published, places + 0.16, "D", color=PURPLE, mec=BLACK, ms=5)
+    numbers = np.concatenate([ours_mean, np.ravel(interval), np.ravel(prediction), published])
+    span_axis(axes, numbers, "log", along="x")
     ours = line_key(f"our mean, 95 % interval{counted(runs)}", BLUE, "o", "-", width=4.0)
     expected = line_key("95 % of single runs expected", BLUE, "", "-", width=1.2)
     name_conditions(figure, axes, labels, runs)
     if period is not None:
-        time_axis(axes, period, "y")
-    return settled(figure, [ours, expected, line_key("published", PURPLE, "D", edge=BLACK)])
+        time_axis(axes, period, "x")
+    return settled(figure, [ours, expected, line_key("published", PURPLE, "D", edge=BLACK)], axes)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -19,10 +21,19 @@ def counted(runs: Sequence[int]) -> str:
     return f", n = {min(runs)}{f' to {max(runs)}' if min(runs) < max(runs) else ''}" if len(runs) else ""
 
 
-def described(label: str, runs: Sequence[Reals], whole: float | None = 1.0) -> str:
-    """A condition with the number of its runs, and of those that did not reach 100 %, the value `whole`."""
-    below = 0 if whole is None else sum(run[-1] < whole for run in runs)
-    return f"{label} (n = {len(runs)}{f', {below} below 100 %' if below else ''})"
+def spelled(name: str) -> str:
+    """The name of a condition as print has it: `k = 2`, not `k=2`."""
+    return re.sub(r"\s*=\s*", " = ", name)
+
+
+def described(label: str, runs: Sequence[Reals], whole: float | None = 1.0, *, each: bool = True) -> str:
+    """A condition with the number of those of its runs that did not reach 100 %, the value `whole`.
+
+    With `each`, the number of its runs is told too.
+    """
+    below = 0 if whole is None else sum(bool(run[-1] < whole) for run in runs)
+    told = [f"n = {len(runs)}"] * each + [f"{below} below 100 %"] * (below > 0)
+    return f"{spelled(label)} ({', '.join(told)})" if told else spelled(label)
 
 
 def line_key(
@@ -63,22 +74,25 @@ def places_of(given: Iterable[str], labels: Sequence[str]) -> Reals:
     return np.array([labels.index(label) for label in given], dtype=float)
 
 
-def quartile_box(axes: Axes, place: float, taken: Reals, done: NDArray[np.bool_]) -> None:
-    """The quartiles and the median of one condition, and its runs as points."""
+def quartile_box(axes: Axes, row: float, taken: Reals, done: NDArray[np.bool_]) -> None:
+    """The quartiles and the median of one condition, a row, and its runs as points."""
     low, middle, high = np.percentile(taken, (25, 50, 75))
-    axes.add_patch(Rectangle((place - 0.24, low), 0.48, high - low, facecolor=PALE, edgecolor=BLUE))
-    axes.hlines(middle, place - 0.24, place + 0.24, color=BLUE, linewidth=2.2)
-    aside = place + 0.36 * (np.arange(len(taken)) * 0.6180339887 % 1.0 - 0.5)  # golden steps: even, and always the same
-    axes.plot(aside[done], taken[done], "o", color=BLUE, markersize=3.5, alpha=0.7, markeredgewidth=0)
-    axes.plot(aside[~done], taken[~done], "^", markersize=6, markerfacecolor="none", markeredgecolor=VERMILLION)
+    axes.add_patch(Rectangle((low, row - 0.24), high - low, 0.48, facecolor=PALE, edgecolor=BLUE))
+    axes.vlines(middle, row - 0.24, row + 0.24, color=BLUE, linewidth=2.2)
+    aside = row + 0.36 * (np.arange(len(taken)) * 0.6180339887 % 1.0 - 0.5)  # golden steps: even, and always the same
+    axes.plot(taken[done], aside[done], "o", color=BLUE, markersize=3.0, alpha=0.7, markeredgewidth=0)
+    axes.plot(taken[~done], aside[~done], ">", markersize=5, markerfacecolor="none", markeredgecolor=VERMILLION)
 
 
 def estimate_bars(
-    axes: Axes, at: NDArray[np.generic], means: Reals, spans: Reals, colour: str = BLUE, width: float = 2.5
-) -> None:
-    """Means (m,) as points on upright bars over `spans` (m, 2)."""
+    axes: Axes, at: NDArray[np.generic], means: Reals, spans: Reals, colour: str = BLUE, width: float = 2.5,
+    along: Literal["x", "y"] = "y",
+) -> None:  # fmt: skip
+    """Means (m,) as points on bars over `spans` (m, 2), which lie along one axis at places on the other."""
     if np.shape(spans) != (len(at), 2) or len(means) != len(at):
         raise ValueError(f"{len(at)} places, means of shape {np.shape(means)} and spans of shape {np.shape(spans)}")
-    axes.vlines(at, spans[:, 0], spans[:, 1], color=colour, linewidth=width, alpha=0.75)
-    axes.plot(at, spans, "_", color=colour, markersize=5 + 1.5 * width)  # seen even where a point hides the bar
-    axes.plot(at, means, "o", color=colour, markersize=5)
+    draw, cap = (axes.vlines, "_") if along == "y" else (axes.hlines, "|")
+    draw(at, spans[:, 0], spans[:, 1], color=colour, linewidth=width, alpha=0.75)
+    for values, mark, size in (*((end, cap, 5 + 1.5 * width) for end in spans.T), (means, "o", 5.0)):
+        pair = (at, values) if along == "y" else (values, at)
+        axes.plot(*pair, mark, color=colour, markersize=size)  # caps are seen even where a point hides the bar

@@ -7,13 +7,12 @@ from typing import Final
 
 import shapely
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 
 from swarmsim.view.plots.fault_marks import area_key, line_key
 from swarmsim.view.plots.floor_plan import draw_solids, measure_in_metres, outline, solid_keys
-from swarmsim.view.plots.sheet import settled, sheet
+from swarmsim.view.plots.sheet import settled, sheet, side_by_side
 from swarmsim.view.plots.style import BLACK, VERMILLION, styled
 from swarmsim.world.plan import FloorPlan
 
@@ -40,10 +39,8 @@ def imported(
     left, low, right, high = extent
     around = 0.03 * max(right - left, high - low)
     bounds = left - around, right + around, low - around, high + around
-    figure = sheet(11.0, min(max(5.2 * (high - low) / (right - left), 2.2), 9.0) + 1.5, title)
-    before: Axes
-    after: Axes
-    before, after = figure.subplots(1, 2)
+    figure = sheet(11.0, 5.0, title)
+    before, after = side_by_side(figure)
     for area, ink in shown:
         level = 1.0 - 0.85 * min(max(ink, 0.08), 1.0)
         before.add_patch(PathPatch(outline(area), facecolor=(level, level, level), edgecolor="#8A8F98", lw=0.2))

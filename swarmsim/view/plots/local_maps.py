@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swarmsim.view.plots.fault_marks import area_key, line_key
 from swarmsim.view.plots.floor_plan import dead_key, draw_outlines, measure_in_metres
 from swarmsim.view.plots.sheet import settled, sheet
-from swarmsim.view.plots.style import BLACK, BLUE, GREY, VERMILLION, styled
+from swarmsim.view.plots.style import BLACK, BLUE, COLUMN, GREY, VERMILLION, asked_for, styled
 from swarmsim.view.scene import Scene
 
 UNSEEN, OPEN, SOLID = "#C9CED6", "#FFFFFF", "#000000"
@@ -32,11 +32,10 @@ def local_maps(
     `maps` (n, rows, columns) and `shares` (n,), the part of the domain in each map, 0 to 1, belong to all robots.
     The outlines are the true ones, which no robot knows.
     """
-    left, right, low, high = scene.bounds
-    columns = 2 if len(robots) == 4 else min(len(robots), ACROSS)
+    width = asked_for().width
+    columns = 2 if len(robots) == 4 else min(len(robots), ACROSS if width is None or width > COLUMN else 2)
     rows = -(-len(robots) // columns)
-    width = 3.4 if columns > 1 else 4.8
-    figure = sheet(columns * width + 0.9, rows * (width * min((high - low) / (right - left), 2.0) + 0.45) + 1.2, title)
+    figure = sheet(3.6 * columns + 0.9, 4.0 * rows, title)
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     shot, lattice = scene.at(iteration), scene.lattice
     height, length = (side * lattice.cell for side in scene.tile)
@@ -50,7 +49,7 @@ def local_maps(
             axes.add_patch(Rectangle(shot.origins[robot].tolist(), length, height, fill=False, ec=VERMILLION, lw=1.0))
         state, mark, colour = ("", "o", VERMILLION) if shot.alive[robot] else (", dead", "x", GREY)
         axes.plot(*shot.pose[robot, :2], mark, color=colour, ms=3.0)  # small enough to leave the tile in sight
-        axes.set_title(f"robot {robot}{state}: {100.0 * shares[robot]:.1f} % mapped", fontsize=10, loc="left")
+        axes.set_title(f"robot {robot}{state}: {100.0 * shares[robot]:.1f} % mapped", loc="left")
     measure_in_metres(panels, scene.bounds)
     for axes in panels[len(robots) :]:
         axes.set_visible(False)

@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from swarmsim.network.analysis import LinkGraph, Reach, Spells
 from swarmsim.view.plots.fault_marks import area_key, line_key
-from swarmsim.view.plots.sheet import settled, sheet
+from swarmsim.view.plots.sheet import settled, sheet, side_by_side
 from swarmsim.view.plots.style import BLACK, COLOURS, FINEST, GREY, Line, Reals, styled
 
 PANELS: Final = {
-    "mean_degree": "others heard\nby a live robot",
+    "mean_degree": "others heard by a live robot",
     "turnover": "neighbour turnover",
     "weak_components": "weak components",
     "strong_components": "strong components",
-    "weak_share": "share of robots in the\nlargest weak component",
-    "strong_share": "share of robots in the\nlargest strong component",
+    "weak_share": "largest weak component",
+    "strong_share": "largest strong component",
     "reciprocity": "reciprocity",
     "clustering": "clustering",
 }
@@ -36,6 +36,8 @@ SMOOTHED: Final = 40  # a running mean is taken over this part of the window
 @styled
 def network_course(graphs: Mapping[str, Sequence[LinkGraph]], first: int, title: str) -> Figure:
     """Eight measures of one or two graphs against the iteration: each value thin, their running mean thick.
+
+    The largest components are shares of the live robots.
 
     `graphs` gives the snapshots (t,) of each; `first` is the iteration of the first one. Where a measure is not
     defined there is a gap. The band about the number of others heard spans the least to the most of any live robot.
@@ -55,7 +57,8 @@ def network_course(graphs: Mapping[str, Sequence[LinkGraph]], first: int, title:
             else:
                 axes.plot(at[kept], values[kept], color=colour, linewidth=0.6, alpha=0.35)
             axes.plot(at[kept], _running_mean(values, width)[kept], color=colour, linestyle=dash, linewidth=1.6)
-        axes.set(ylabel=label, xlim=(first - 0.5, first + length - 0.5))
+        axes.set_title(label, loc="left", size="small")
+        axes.set_xlim(first - 0.5, first + length - 0.5)
         top = 1.0 if measure in SHARES else max(axes.get_ylim()[1], 1.0)
         axes.set_ylim(-0.04 * top, 1.06 * top)  # a line at 0 is seen above the axis
         axes.yaxis.set_major_locator(MaxNLocator(5, integer=measure not in SHARES))
@@ -75,8 +78,8 @@ def degrees(graphs: Mapping[str, Sequence[LinkGraph]], title: str) -> Figure:
 
     `graphs` gives the snapshots of one or two graphs.
     """
-    figure = sheet(8.6, 4.2, title)
-    panels: list[Axes] = figure.subplots(1, 2, sharey=True).tolist()
+    figure = sheet(8.6, 3.8, title)
+    panels = side_by_side(figure, shared=True)
     width = 0.8 / len(graphs)
     sides = {"degrees": "others heard (in-degree)", "listeners": "others that hear it (out-degree)"}
     for axes, (side, label) in zip(panels, sides.items(), strict=True):
@@ -89,7 +92,7 @@ def degrees(graphs: Mapping[str, Sequence[LinkGraph]], title: str) -> Figure:
         axes.set(xlabel=label, xlim=(-0.6, longest - 0.4))
         axes.grid(False, axis="x")
         axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
-    panels[0].set(ylabel="live robots in all iterations, %")
+    panels[0].set(ylabel="live robots, %")
     observed = {name: sum(len(snapshot.degrees) for snapshot in snapshots) for name, snapshots in graphs.items()}
     return settled(
         figure,
@@ -134,8 +137,8 @@ def contact_times(graphs: Mapping[str, tuple[Spells, Spells]], title: str) -> Fi
     `graphs` gives both for each kind of pair. Kaplan-Meier estimates on log-log axes; a point marks the time when
     half of them are over.
     """
-    figure = sheet(9.6, 4.6, title)
-    panels: list[Axes] = figure.subplots(1, 2, sharey=True).tolist()
+    figure = sheet(9.6, 4.0, title)
+    panels = side_by_side(figure, shared=True)
     lowest = 1.0
     for number, (axes, label) in enumerate(zip(panels, ("contact time", "time between contacts"), strict=True)):
         lines: list[Artist] = []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swarmsim.view.plots.fault_marks import area_key, line_key
 from swarmsim.view.plots.floor_plan import draw_outlines, measure_in_metres
-from swarmsim.view.plots.sheet import settled, sheet
+from swarmsim.view.plots.sheet import is_narrow, settled, sheet
 from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, VERMILLION, Reals, styled
 from swarmsim.view.scene import Scene
 
@@ -31,9 +31,13 @@ def provenance(
     """
     left, right, low, high = scene.bounds
     shape = min((high - low) / (right - left), 2.0)
-    figure = sheet(11.4, 3.5 * shape + 3.6, title)
-    grid = figure.add_gridspec(2, 3, height_ratios=(max(3.5 * shape, 1.5), 2.0))
-    maps = [figure.add_subplot(grid[0, place]) for place in range(3)]
+    figure = sheet(11.4, 3.5 * shape + 2.6, title)
+    columns = 1 if is_narrow(figure) else 3
+    rows = 3 // columns
+    across = figure.get_figwidth() / columns  # inches of a map
+    figure.set_figheight(rows * (across * shape + 0.5) + 2.0)
+    grid = figure.add_gridspec(rows + 1, columns, height_ratios=(*[max(across * shape, 1.5)] * rows, 2.0))
+    maps = [figure.add_subplot(grid[divmod(place, columns)]) for place in range(3)]
     known = np.isfinite(age)
     tellers, cells = np.unique(by[known & (by != robot)], return_counts=True)
     most = sorted(tellers[np.argsort(-cells, kind="stable")][:SHOWN].tolist())
@@ -53,11 +57,11 @@ def provenance(
             interpolation="nearest",
         )  # fmt: skip
         draw_outlines(axes, scene.layers, GREY)
-        axes.set_title(name, fontsize=10, loc="left")
+        axes.set_title(name, loc="left")
         axes.set(xlabel="x, m")
     figure.colorbar(image, ax=maps[2], fraction=0.05, pad=0.02)
     measure_in_metres(np.array(maps), scene.bounds)
-    course = figure.add_subplot(grid[1, :])
+    course = figure.add_subplot(grid[rows, :])
     course.plot(np.arange(1, len(ages) + 1), ages, color=GREY, lw=0.7, alpha=0.6)
     course.plot(np.arange(1, len(ages) + 1), ages[:, robot], color=VERMILLION, lw=1.8)
     course.set(xlabel="iterations", ylabel="mean age, iterations", ylim=(0.0, None), xlim=(1, max(2, len(ages))))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from swarmsim.view.plots.fault_marks import line_key
 from swarmsim.view.plots.floor_plan import dead_key, draw_robot, draw_solids, measure_in_metres, solid_keys
-from swarmsim.view.plots.sheet import settled, sheet
+from swarmsim.view.plots.sheet import settled, sheet, side_by_side
 from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, VERMILLION, styled
 from swarmsim.view.scene import Scene
 
@@ -36,7 +36,7 @@ def rewiring(scene: Scene, heard: Mapping[int, NDArray[np.int32]], title: str) -
     pairs = [{(int(receiver), int(sender)) for receiver, sender in links} for links in heard.values()]
     changed = changes(*(_neighbours(links, scene.robots) for links in heard.values()))
     lasting = {robot for robot in changed if all(scene.at(at).alive[robot] for at in heard)}
-    left, right, low, high = scene.bounds
+    left, right, *_ = scene.bounds
     shots = {iteration: scene.at(iteration) for iteration in heard}
     places = {iteration: shot.pose[:, :2].copy() for iteration, shot in shots.items()}
     for iteration, shot in shots.items():
@@ -52,9 +52,8 @@ def rewiring(scene: Scene, heard: Mapping[int, NDArray[np.int32]], title: str) -
     handles += [line_key("drawn apart where too close", PLAIN, "o", edge=BLACK)] if moved else []
     handles += [] if all(shot.alive.all() for shot in shots.values()) else [dead_key()]
     handles += solid_keys(scene.layers)
-    height = WIDTH * min((high - low) / (right - left), 2.0) + _legend_height(handles, 2 * WIDTH)
-    figure = sheet(2 * WIDTH + 0.9, height + 1.25, title)
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    figure = sheet(2 * WIDTH + 0.9, 4.5, title)
+    panels = side_by_side(figure, shared=True)
     for axes, (iteration, links), mine, other, own in zip(
         panels, heard.items(), pairs, pairs[::-1], (VERMILLION, BLUE), strict=True
     ):
@@ -64,16 +63,9 @@ def rewiring(scene: Scene, heard: Mapping[int, NDArray[np.int32]], title: str) -
         for robot, (x, y) in enumerate(places[iteration].tolist()):
             draw_robot(axes, x, y, robot, ORANGE if robot in lasting else PLAIN, DISC, bool(alive[robot]))
         count = len(np.unique(links, axis=0))
-        axes.set_title(f"iteration {iteration}: n = {alive.sum()} robots, {count} links", size=10, loc="left")
+        axes.set_title(f"iteration {iteration}: n = {alive.sum()} robots, {count} links", loc="left")
     measure_in_metres(panels, scene.bounds)
     return settled(figure, handles)
-
-
-def _legend_height(handles: Sequence[Artist], width: float) -> float:
-    """The approximate height in inches of a legend of at most this width; its longest text sets the columns' width."""
-    longest = max(len(str(handle.get_label())) for handle in handles)
-    columns = max(1, int(width / (0.6 + 0.066 * longest)))
-    return 0.2 * -(-len(handles) // columns)
 
 
 def changes(before: Sequence[set[int]], after: Sequence[set[int]]) -> dict[int, tuple[list[int], list[int]]]:

@@ -8,14 +8,13 @@ from typing import Final
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swarmsim.view.plots.fault_marks import counted, estimate_bars, line_key
+from swarmsim.view.plots.fault_marks import counted, estimate_bars, line_key, spelled
 from swarmsim.view.plots.scales import mark_values, span_axis, time_axis
-from swarmsim.view.plots.sheet import settled, sheet
-from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, MARKERS, PURPLE, TIME, VERMILLION, Line, Reals, styled
+from swarmsim.view.plots.sheet import settled, sheet, side_by_side
+from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, MARKERS, PURPLE, TIME, VERMILLION, Reals, styled
 
 
 @styled
@@ -28,22 +27,20 @@ def scaling(
     `robots` (m,), `means` (m,), `intervals` (m, 2), 95 %; `fit` is (a, b) in iterations; `runs`: how many made each.
     With the `period` of iterations in s there is a second axis in time.
     """
-    figure = sheet(9.6, 4.6, title)
-    left: Axes
-    right: Axes
-    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    figure = sheet(9.6, 4.2, title)
+    left, right = side_by_side(figure, (3, 2))
     numbers = np.unique([*np.asarray(robots, dtype=float), *published])
     finer = np.linspace(numbers[0], numbers[-1], 200)
     line = fit[0] + fit[1] / finer
     left.plot(finer, line, "--", color=VERMILLION, lw=1.6)
     estimate_bars(left, robots, means, intervals)
-    left.plot(list(published), list(published.values()), "D", color=PURPLE, mec=BLACK, ms=9, zorder=1.5)
+    left.plot(list(published), list(published.values()), "D", color=PURPLE, mec=BLACK, ms=7, zorder=1.5)
     span_axis(left, np.concatenate([means, np.ravel(intervals), line, list(published.values())]))
     first = int(np.argmin(robots))
     right.plot(finer, finer / robots[first], ":", color=GREY, lw=1.6)
     right.plot(finer, (fit[0] + fit[1] / robots[first]) / line, "--", color=VERMILLION, lw=1.6)
     right.plot(robots, means[first] / means, "o", color=BLUE, ms=6)
-    right.set(xlabel="robots", ylabel=f"speed-up over {robots[first]} robots, times", ylim=(0.0, None))
+    right.set(xlabel="robots", ylabel=f"speed-up over {robots[first]}", ylim=(0.0, None))
     left.set(xlabel="robots", ylabel=TIME)
     mark_values(figure, left, numbers)
     mark_values(figure, right, numbers)
@@ -78,12 +75,10 @@ def sweep(
 
     `levels` have one value each, off the axis: lines across. The `period` of iterations in s gives an axis in time.
     """
-    everything = [*series.values(), *levels.values()]
     unfinished = any(steps.unfinished.any() for steps in series.values())
-    figure = sheet(7.6, 5.6 if unfinished else 4.6, title)
-    panels: list[Axes] = figure.subplots(2 if unfinished else 1, 1, sharex=True, squeeze=False,
-                                    height_ratios=(3, 1) if unfinished else (1,))[:, 0].tolist()  # fmt: skip
-    upper, *lower = panels
+    figure = sheet(6.4, 5.0 if unfinished else 4.0, title)
+    heights = (3, 1) if unfinished else (1,)
+    upper, *lower = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0].tolist()
     handles: list[Artist] = []
     for row, (name, steps) in enumerate(series.items()):
         colour, marker = COLOURS[row % len(COLOURS)], MARKERS[row % len(MARKERS)]
@@ -91,22 +86,24 @@ def sweep(
         estimate_bars(upper, steps.values, steps.means, steps.intervals, colour, 2.0)
         for panel in lower:
             panel.plot(steps.values, 100.0 * steps.unfinished, "-", marker=marker, color=colour, lw=1.2, ms=5)
-        label = f"{name}: mean, 95 % interval" if name else "mean, 95 % interval"
-        handles.append(line_key(f"{label}{counted(steps.runs)}", colour, marker, "-"))
+        handles += [line_key(spelled(name), colour, marker, "-")] if name else []
     for row, (name, level) in enumerate(levels.items(), len(series)):
         colour = COLOURS[row % len(COLOURS)]
         upper.axhspan(*level.intervals[0], color=colour, alpha=0.12, lw=0)
-        dash: Line = "--" if row % 2 else ":"
-        upper.axhline(level.means[0], color=colour, lw=1.8, ls=dash)
-        handles.append(line_key(f"{name}{counted(level.runs)}", colour, "", dash))
-    numbers = np.concatenate([np.ravel(part) for steps in everything for part in (steps.means, steps.intervals)])
+        line = upper.axhline(level.means[0], color=colour, lw=1.8, ls="--" if row % 2 else ":")
+        line.set_label(f"{spelled(name)}{counted(level.runs)}")
+        handles.append(line)
+    mean = f"mean, 95 % interval{counted([number for steps in series.values() for number in steps.runs])}"
+    handles.append(line_key(mean, GREY if any(series) else BLUE, "o", "-"))
+    shown = [part for steps in (*series.values(), *levels.values()) for part in (steps.means, steps.intervals.ravel())]
+    numbers = np.concatenate(shown)
     low, high = np.nanmin(numbers, initial=np.inf), np.nanmax(numbers, initial=0.0)
     span_axis(upper, numbers, "log" if high > WIDE * low > 0.0 else "linear")
-    upper.set(ylabel=ylabel)
+    upper.set_ylabel(ylabel)
     for panel in lower:
         panel.set(ylabel="unfinished\nruns, %", ylim=(-5.0, 105.0), yticks=(0, 50, 100))
     (lower or [upper])[-1].set_xlabel(xlabel)
     mark_values(figure, (lower or [upper])[-1], np.concatenate([steps.values for steps in series.values()]))
     if period is not None:
         time_axis(upper, period, "y")
-    return settled(figure, handles)
+    return settled(figure, handles, upper)
