@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from swarmsim.core.scenario.shipped import copy as examples_copy
     from swarmsim.core.scenario.shipped import example, examples
     from swarmsim.fleet.keyring import write_keys as radio_keys
+    from swarmsim.learning.vector import vector_env
     from swarmsim.view.plots.style import printing
 
 __version__ = "0.1.0"
@@ -58,7 +59,7 @@ __all__ = [
     "benchmark_explore", "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor",
     "example", "examples", "examples_copy", "fleet_merge", "fleet_status", "fleet_up", "import_log", "new",
     "open", "open_expectations", "open_study", "parts", "printing", "radio_airtime", "radio_keys", "reproduce",
-    "robot_charge", "run", "schema", "simulate", "size", "study", "study_worst", "test", "world_check",
+    "robot_charge", "run", "schema", "simulate", "size", "study", "study_worst", "test", "vector_env", "world_check",
     "world_convert", "world_generate", "world_import", "world_preview", "world_serve",
 ]  # fmt: skip
 
@@ -100,6 +101,7 @@ _PLACES = {
     "study": "api.studies:study",
     "study_worst": "api.worst:study_worst",
     "test": "api.expectations:test",
+    "vector_env": "learning.vector:vector_env",
     "world_check": "api.worlds:world_check",
     "world_convert": "api.worlds:world_convert",
     "world_generate": "api.worlds:world_generate",

@@ -8,7 +8,9 @@ except ImportError as problem:
         "swarmsim.learning needs pettingzoo and gymnasium; install them with: pip install 'swarmsim-lab[learn]'"
     ) from problem
 
-from swarmsim.learning.environment import ACTIONS, REWARDS, SwarmEnv
+from swarmsim.learning.environment import SwarmEnv
+from swarmsim.learning.learned import ACTIONS, REWARDS
 from swarmsim.learning.single import RobotEnv
+from swarmsim.learning.vector import WorldsEnv, vector_env
 
-__all__ = ["ACTIONS", "REWARDS", "RobotEnv", "SwarmEnv"]
+__all__ = ["ACTIONS", "REWARDS", "RobotEnv", "SwarmEnv", "WorldsEnv", "vector_env"]

@@ -41,11 +41,11 @@ def _ends(channel: Channel) -> tuple[float, float]:
     return min(channel.low, channel.missing), max(channel.high, channel.missing)
 
 
-def observed(readings: Readings, names: tuple[str, ...], robot: int) -> dict[str, NDArray[np.generic]]:
-    """One robot's observations of its channels, clipped to their bounds; NaN becomes the value for missing readings."""
+def observed(readings: Readings, names: tuple[str, ...], robots: NDArray[np.int64]) -> dict[str, NDArray[np.generic]]:
+    """Observations of channels (robots, ...), clipped to their bounds; NaN becomes the value for missing readings."""
     found: dict[str, NDArray[np.generic]] = {}
     for name in names:
-        channel, row = readings.channels[name], np.asarray(readings[name][robot])
+        channel, row = readings.channels[name], readings[name][robots]
         if channel.dtype == "?":
             found |= {name: row.astype(np.uint8), f"{name}_known": np.ones(row.shape, np.uint8)}
             continue

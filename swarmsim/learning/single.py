@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Unpack
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.learning.environment import Observation, Reward, SwarmEnv
+from swarmsim.learning.environment import Observation, SwarmEnv
+from swarmsim.learning.learned import Learning
 
 
 class RobotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -23,17 +25,11 @@ class RobotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         overrides: Mapping[str, object] | None = None,
         *,
         robot: int = 0,
-        action: str = "twist",
-        reward: str | Reward = "own",
-        hears: int = 5,
-        reach: float = 1.0,
-        observe: Sequence[str] = (),
+        **learning: Unpack[Learning],
     ) -> None:
-        """As for `SwarmEnv`; `robot` is the learner. Raises InputError."""
-        self.swarm = SwarmEnv(
-            scenario, overrides, action=action, reward=reward, learners=[robot], hears=hears, reach=reach,
-            observe=observe,
-        )  # fmt: skip
+        """As for `SwarmEnv`; `robot` is the learner, and its own gain the reward by default. Raises InputError."""
+        keys: Learning = {"reward": "own", **learning, "learners": [robot]}
+        self.swarm = SwarmEnv(scenario, overrides, **keys)
         (self._agent,) = self.swarm.possible_agents
         self.observation_space = self.swarm.observation_space(self._agent)
         self.action_space = self.swarm.action_space(self._agent)

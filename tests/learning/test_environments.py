@@ -13,7 +13,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 from swarmsim.learning import ACTIONS, RobotEnv, SwarmEnv
-from swarmsim.learning.environment import _joined
+from swarmsim.learning.learned import joined
 from swarmsim.recording.digests import Digests
 
 with warnings.catch_warnings():  # it warns of its own environments when it is imported
@@ -72,7 +72,7 @@ def test_observations_are_tile_pose_and_inbox_of_the_engine() -> None:
     two = {"network.topology.k": 2}
     env = SwarmEnv(ROOM, two, hears=2)
     observed, _ = env.reset(seed=5)
-    inbox, seen = env._perceived.inbox, env._perceived.senses
+    inbox, seen = env.world.perceived.inbox, env.world.perceived.senses
     for robot, agent in enumerate(env.agents):
         mine = observed[agent]
         assert env.observation_space(agent).contains(mine)
@@ -118,11 +118,11 @@ def test_rewards_are_gains_and_can_be_of_ones_own() -> None:
     env = SwarmEnv(ROOM)
     env.reset(seed=1)
     sums = sum(env.step(still(env))[1]["robot_0"] for _ in range(3))
-    assert sums == pytest.approx(env._before.values["coverage"])
+    assert sums == pytest.approx(env.world.before.values["coverage"])
     env = SwarmEnv(ROOM, reward="own")
     env.reset(seed=1)
     _, rewards, *_ = env.step(still(env))
-    np.testing.assert_allclose(list(rewards.values()), env._before.robots["covered"])
+    np.testing.assert_allclose(list(rewards.values()), env.world.before.robots["covered"])
     env = SwarmEnv(ROOM, reward=lambda before, moment: -np.arange(3.0))
     env.reset(seed=1)
     assert list(env.step(still(env))[1].values()) == [0.0, -1.0, -2.0]
@@ -135,11 +135,10 @@ def test_the_others_follow_the_scenarios_own_strategy() -> None:
     digests, plain = Digests(), Digests()
     run = build(load(ROOM, ["seed=3"]), str(ROOM)).simulation
     for _ in range(20):
-        perceived = env.swarm._perceived
+        perceived = env.swarm.world.perceived
         theirs = env.swarm.run.simulation.parts.strategy.step(perceived.senses, perceived.inbox, perceived.knowledge)
-        joined = _joined(theirs, theirs, np.array([2]))
-        env.swarm.run.simulation.act(perceived, joined, [digests])
-        env.swarm._perceived = env.swarm.run.simulation.perceive()
+        env.swarm.run.simulation.act(perceived, joined(theirs, theirs, np.array([2])), [digests])
+        env.swarm.world.perceived = env.swarm.run.simulation.perceive()
         run.tick([plain])
     np.testing.assert_array_equal(env.swarm.run.simulation.state.pose, run.state.pose)
 
@@ -150,7 +149,7 @@ def test_one_group_learns_and_the_other_follows_its_own_strategy() -> None:
     env.reset(seed=3)
     moved = False
     for _ in range(10):
-        perceived = env._perceived
+        perceived = env.world.perceived
         theirs = env.run.simulation.parts.strategy.step(perceived.senses, perceived.inbox, perceived.knowledge)
         env.step(still(env))
         decided = env.run.simulation._decided
@@ -260,7 +259,7 @@ def test_lights_of_agents_rest_those_of_others_shine_and_agents_can_see_them() -
     env.reset(seed=1)
     for _ in range(3):
         observed, *_ = env.step(still(env))
-    shines = env._perceived.state.actuators["led"].any(axis=1)
+    shines = env.world.perceived.state.actuators["led"].any(axis=1)
     assert np.flatnonzero(~shines).tolist() == [1, 2]
     seen = observed["robot_1"]["neighbours_led"]
     assert seen.shape == (15, 3)
@@ -269,4 +268,4 @@ def test_lights_of_agents_rest_those_of_others_shine_and_agents_can_see_them() -
     everybody = SwarmEnv(lights, changes)
     everybody.reset(seed=1)
     everybody.step(still(everybody))
-    assert not everybody._perceived.state.actuators["led"].any()
+    assert not everybody.world.perceived.state.actuators["led"].any()
