@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -55,7 +55,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         """The current run; a new one after every `reset`."""
         return self.world.run
 
-    def observation_space(self, agent: str) -> spaces.Dict:
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The same for all agents."""
         return self.world.space
 
