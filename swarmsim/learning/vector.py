@@ -153,9 +153,9 @@ def vector_env(
 ) -> WorldsEnv:
     """Independent worlds of one scenario as a Gymnasium vector environment: see `swarmsim.learning.WorldsEnv`.
 
-    `scenario` is a file or a shipped name, with `overrides` by dotted key; there are `worlds` of it, and `learning` tells
-    what is learned, as in `swarmsim.learning.learned.Learning`. Raises InputError for an invalid scenario, one whose
-    robots sense no tiles, and no world.
+    `scenario` is a file or a shipped name, with `overrides` by dotted key. There are so many `worlds` of it; `learning`
+    says what is learned, as in `swarmsim.learning.learned.Learning`. Raises InputError for an invalid scenario, one
+    whose robots sense no tiles, and no world.
     """
     return WorldsEnv(scenario, overrides, num_envs=worlds, **learning)
 
