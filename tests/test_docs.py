@@ -352,6 +352,7 @@ def test_every_study_opens(path: Path) -> None:
     assert open_study(path, 1).conditions
 
 
+@pytest.mark.thorough
 def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path, offspring: Offspring) -> None:
     listings = blocks("docs/minds.md", "python")
     for listing in listings:
@@ -381,6 +382,7 @@ def test_the_paper_of_the_page_is_done_again(copy: Path) -> None:
     assert "| count=8 | 60 |" in (copy / "runs" / "mine" / "report.md").read_text()
 
 
+@pytest.mark.thorough
 def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_path: Path, offspring: Offspring) -> None:
     for listing in blocks("docs/own.md", "python"):
         assert listing.count("\n") <= 30
@@ -415,6 +417,7 @@ def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_pat
     assert any(one["nearby_known"].any() for one in after.values())
 
 
+@pytest.mark.thorough
 def test_the_job_of_the_page_is_done_taken_over_and_filmed(copy: Path, offspring: Offspring, tmp_path: Path) -> None:
     listings = blocks("docs/computing.md", "python")
     for listing in listings:

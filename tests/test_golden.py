@@ -88,7 +88,15 @@ def is_verified(folder: Path, recording: Recording) -> None:
     assert f"equal in all {recording.iterations} iterations, digest {recording.digest()}" in " ".join(told.split())
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+#: What takes some seconds more than the others.
+DEAR = {
+    "merging", "faults/doors-close", "faults/doors-close-remembered", "faults/drift", "operations/moving-field",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.thorough] if name in DEAR else []) for name in SCENARIOS]
+)
 def test_verify_passes_and_runs_are_what_they_were(name: str, tmp_path: Path) -> None:
     """Where processors make digests differ, whole runs are verified, and take about as many iterations."""
     whole, begun = tmp_path / "whole", tmp_path / "begun"

@@ -156,6 +156,7 @@ def test_a_study_does_what_is_missing(tmp_path: Path) -> None:
         done.describe("nonsense")
 
 
+@pytest.mark.thorough
 def test_user_code_is_type_checked(tmp_path: Path) -> None:
     assert (ROOT / "swarmsim" / "py.typed").exists()
     (tmp_path / "user.py").write_text(
@@ -174,6 +175,7 @@ def test_user_code_is_type_checked(tmp_path: Path) -> None:
     assert [line.split(":")[1] for line in wrong] == ["4", "7"], done.stdout
 
 
+@pytest.mark.thorough
 def test_the_listing_of_the_page_runs(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "python.md").read_text()
     (code,) = [block.partition("```")[0] for block in page.split("```python\n")[1:]]

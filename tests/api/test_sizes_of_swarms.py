@@ -67,6 +67,7 @@ def test_faults_make_more_robots_necessary_or_cannot_help(store: Path) -> None:
     assert "Not one of" in found.sentences[0]
 
 
+@pytest.mark.thorough
 def test_any_key_can_be_sized_and_its_direction_is_found_out(store: Path) -> None:
     found = sw.size(
         ROOM, "60s", over="network.topology.k", values="0,1,7", overrides={"robots.count": 8}, store=store, **EASY
@@ -75,6 +76,7 @@ def test_any_key_can_be_sized_and_its_direction_is_found_out(store: Path) -> Non
     assert [row[0] for row in found.rows if row[1] != "0"]
 
 
+@pytest.mark.thorough
 def test_alternatives_are_searched_side_by_side(store: Path) -> None:
     found = sw.size(
         ROOM, "40s", low=6, high=12, vary=["network.topology.k=1,3"], price="robot=1,3=5", store=store, **EASY

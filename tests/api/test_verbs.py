@@ -251,6 +251,7 @@ def test_a_run_verifies_and_tells_of_progress(run: sw.Run) -> None:
     assert not found.code
 
 
+@pytest.mark.thorough
 def test_networks_compare_figures_pages_and_exports_give_values_and_files(run: sw.Run, tmp_path: Path) -> None:
     found = run.network(from_=5, to=25, plots=tmp_path / "network")
     assert (found.numbers["from"], found.numbers["to"]) == (5, 25)

@@ -86,6 +86,7 @@ def test_every_copied_example_can_be_opened(tmp_path: Path, name: str) -> None:
         shipped.copy(name, tmp_path)
 
 
+@pytest.mark.thorough
 def test_the_doctor_tells_what_works_and_what_to_do(tmp_path: Path) -> None:
     done = swarmsim("doctor", cwd=tmp_path, COLUMNS="200", SDL_VIDEODRIVER="dummy")
     assert done.returncode == 0, done.stdout + done.stderr

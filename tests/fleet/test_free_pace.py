@@ -162,6 +162,7 @@ def happened(recording) -> dict[tuple[type, str, tuple[int, ...]], int]:
     return {(type(one), recording.scenario.faults[one.fault].use, one.robots): one.iteration for one in events}
 
 
+@pytest.mark.thorough
 def test_processes_are_killed_and_paused(tmp_path: Path) -> None:
     done = up(tmp_path / "run", *long(40), "--kill", "0@8", "--pause", "1@15:15")
     assert done.returncode < 2, done.stderr  # finished or not

@@ -97,6 +97,7 @@ def _listen(tap, tapped: list[bytes], ended: threading.Event) -> None:
             tapped += [frame for frame, _ in tap.heard()]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGKILL, -signal.SIGKILL)]
 )

@@ -53,6 +53,7 @@ def test_a_robots_process_has_no_world_in_it(tmp_path: Path) -> None:
     assert "swarmsim.operations.mapping.computation" in imported
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("scenario", "overrides"),
     [

@@ -21,6 +21,7 @@ ALL = sorted(
 )
 COMPUTING = [one for one in ALL if "jobs" in tomllib.loads((ROOT / "scenarios" / f"{one}.toml").read_text())]
 ALONE = {"computing/buoys-disputed": "mind.computation: nobody can report Located; expected Estimates, or a comput"}
+TOLD = [one for one in ALL if one not in {*COMPUTING, *ALONE}]
 LONGER = {"merging": 110}  # frames are found after 91 iterations
 EXPLORING = (
     ['faults=[{use="mind", failure="reboot", at=8, duration=3}, {use="remove", at=4, count=2, duration=9}]'],
@@ -37,8 +38,14 @@ def path_of(scenario: str) -> Path:
     return ROOT / "scenarios" / f"{scenario}.toml"
 
 
-@pytest.mark.parametrize("scenario", [one for one in ALL if one not in {*COMPUTING, *ALONE}])
+@pytest.mark.parametrize("scenario", [one for one in TOLD if "/" not in one and one not in LONGER])
 def test_robots_that_are_told_bytes_do_what_the_swarm_does(scenario: str) -> None:
+    testing.check_apart(path_of(scenario), iterations=ITERATIONS)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("scenario", [one for one in TOLD if "/" in one or one in LONGER])
+def test_so_they_do_in_every_scenario(scenario: str) -> None:
     testing.check_apart(path_of(scenario), iterations=LONGER.get(scenario, ITERATIONS))
 
 

@@ -15,12 +15,18 @@ from generated.trials import survives, tried, tried_all
 from swarmsim.core.scenario import registry
 from swarmsim.core.seams import SEAMS
 
-SCENARIOS, BATCH = 300, 25
+FEW, SCENARIOS, BATCH = 75, 300, 25
 MANY, LARGE_BATCH = 10_000, 500
 
 
-@pytest.mark.parametrize("first", range(0, SCENARIOS, BATCH))
+@pytest.mark.parametrize("first", range(0, FEW, BATCH))
 def test_any_scenario_keeps_to_walls_letters_and_counts(first: int, tmp_path: Path) -> None:
+    tried_all(range(first, first + BATCH), tmp_path)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("first", range(FEW, SCENARIOS, BATCH))
+def test_any_of_some_hundred_scenarios_keeps_to_walls_letters_and_counts(first: int, tmp_path: Path) -> None:
     tried_all(range(first, first + BATCH), tmp_path)
 
 

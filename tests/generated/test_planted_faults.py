@@ -183,6 +183,7 @@ PLANTED: dict[str, tuple[int, Plant, str]] = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", PLANTED)
 def test_a_planted_fault_is_caught(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first, plant, told = PLANTED[name]

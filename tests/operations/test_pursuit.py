@@ -112,6 +112,7 @@ def test_neighbours_are_told_apart_by_their_group_and_recorded(tmp_path: Path) -
         assert group == (other >= 6)
 
 
+@pytest.mark.thorough
 def test_pursuit_keeps_every_contract() -> None:
     testing.check_contracts(ROOT / "scenarios" / f"{PURSUIT}.toml", iterations=12)
 

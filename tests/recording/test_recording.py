@@ -198,6 +198,7 @@ def test_without_locks_it_is_not_told_whether_a_run_goes_on(tmp_path: Path, monk
     assert Recording(tmp_path).summary()["status"] == "interrupted"  # it was closed
 
 
+@pytest.mark.thorough
 def test_a_run_killed_at_any_moment_leaves_a_readable_file(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     for trial in range(4):

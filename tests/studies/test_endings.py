@@ -64,6 +64,7 @@ def test_a_chance_between_cuts_is_kaplan_and_meiers() -> None:
     assert Endings(times, ended, 40.0).by(36).value is None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("chance", "scale", "shape"), [(1.0, 60.0, 1.0), (0.8, 40.0, 3.0), (1.0, 90.0, 0.6)])
 @pytest.mark.parametrize("early", [False, True], ids=["one limit", "cut at any time"])
 def test_intervals_hold_the_truth_of_known_curves(chance: float, scale: float, shape: float, early: bool) -> None:

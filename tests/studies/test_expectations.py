@@ -495,6 +495,7 @@ def test_values_are_kept_at_times_and_at_their_extremes() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_workers_of_their_own_come_to_the_same_verdict(tmp_path: Path) -> None:
     path = room(tmp_path, "that = 'nobody dead'\nchance = 0.5", "that = 'finished'\nseeds = [4, 2]")
     here = judged(path, "here")

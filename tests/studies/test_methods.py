@@ -118,6 +118,7 @@ def test_profiles_end_where_unfinished_runs_leave_them_unknown() -> None:
 SCALES = {"a": (400.0, 700.0, 1200.0), "b": (300.0, 700.0, 800.0), "c": (600.0, 1000.0, 1500.0)}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shape", [1.0, 2.5])
 def test_ratios_of_known_curves_are_within_their_intervals_and_in_order(shape: float) -> None:
     def mean(scale: float) -> float:
@@ -179,6 +180,7 @@ def test_studies_that_compare_nothing_are_refused(tmp_path: Path) -> None:
     assert "runs are missing; run it first" in " ".join(done.stderr.split())
 
 
+@pytest.mark.thorough
 def test_a_study_of_methods_from_file_to_figures(tmp_path: Path) -> None:
     path, store = tmp_path / "study.toml", ["--store", tmp_path / "s.sqlite"]
     path.write_text(STUDY)

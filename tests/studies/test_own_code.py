@@ -187,6 +187,7 @@ def test_runs_of_other_code_are_kept_named_and_do_not_count_unless_asked_for(loc
     assert second[0] not in (folder / "runs.csv").read_text()
 
 
+@pytest.mark.thorough
 def test_local_workers_of_two_study_runs_do_not_run_the_old_code(folder: Path) -> None:
     """Through Python, as in a notebook: each study starts its processes anew."""
     edited, after = written(folder, "two files beside the scenario")

@@ -84,6 +84,7 @@ def test_equal_runs_do_not_differ() -> None:
     assert (found.by_seed.correlation, found.adjusted) == (0.0, 1.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("share", [0.0, 0.35, 0.9])
 @pytest.mark.parametrize("cut", [False, True], ids=["all finished", "a quarter cut"])
 def test_the_choice_of_the_test_makes_no_difference_where_there_is_none(share: float, cut: bool) -> None:

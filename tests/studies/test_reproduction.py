@@ -86,6 +86,7 @@ def test_runs_as_published_hold_every_claim_of_the_reference_paper(tmp_path: Pat
     assert "the margin was chosen after its bare sign was seen to be open" in found.claims[1].test
 
 
+@pytest.mark.thorough
 def test_the_report_of_the_reference_paper_has_five_figures_of_each_reading(tmp_path: Path) -> None:
     found = done(KIT, tmp_path / "runs.sqlite", lambda condition: 500.0, seeds=2)
     paper_report.write(found, tmp_path / "out")

@@ -187,6 +187,7 @@ def raced(curves: Sequence[Curve], goal: Goal, seed: int, tolerance: float = 0.0
         return None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CURVES)
 def test_a_best_named_among_known_curves_is_the_best_or_none_is_named(name: str) -> None:
     curves, repeats = CURVES[name], 60

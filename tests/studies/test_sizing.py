@@ -133,6 +133,7 @@ def test_a_chance_of_exactly_what_is_asked_is_no_coin() -> None:
     assert verdicts.count("suffices") >= 28
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("last", "problems"), [(1.0, 60), (0.5999, 10)])
 def test_many_counts_just_too_bad_are_no_more_likely_to_pass(last: float, problems: int) -> None:
     question = Question(100.0, sure=0.7, slack=0.1, budget=8000)

@@ -182,6 +182,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
     return study, folder / "small.sqlite", run_all(study, folder / "small.sqlite")
 
 
+@pytest.mark.thorough
 def test_one_worker_or_two_or_a_scheduler_of_ones_own_give_equal_digests(
     done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

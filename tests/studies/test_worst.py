@@ -83,6 +83,7 @@ def test_a_scenario_that_fails_by_itself_is_refused() -> None:
         tired.run(1)
 
 
+@pytest.mark.thorough
 def test_from_a_scenario_to_one_that_shows_the_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worst, "KINDS", {"crash": worst.KINDS["crash"]})
     out = tmp_path / "worst.toml"

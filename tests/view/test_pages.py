@@ -64,6 +64,7 @@ def test_a_page_may_run_its_own_script_alone(recording: Recording) -> None:
         assert page.index("Content-Security-Policy") < page.index("<title>")
 
 
+@pytest.mark.thorough
 def test_the_page_of_the_basilica_is_below_five_megabytes(tmp_path: Path) -> None:
     run = made(scenario="basilica")
     with run.recorder(tmp_path / "recording.h5") as recorder:

@@ -362,6 +362,7 @@ def test_the_line_of_the_element_is_named() -> None:
     assert '<circle id="font"> (line 3)' in error(drawing('<rect width="1" height="1"/>\n\n<circle id="font" r="-1"/>'))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("leaf", ['<rect id="g0" width="1" height="1"/>', '<g id="g0"/>'])
 def test_references_cannot_multiply_without_end(leaf: str) -> None:
     levels = "".join(f'<g id="g{i + 1}">' + f'<use href="#g{i}"/>' * 10 + "</g>" for i in range(9))
