@@ -46,7 +46,6 @@ def run(
     """
     from swarmsim.api.runs import built, new_folder, record, scenario_of
     from swarmsim.core.scenario.file import files_outside
-    from swarmsim.engine.contacts import Contacts
 
     if video is not None:
         from swarmsim.view.video import check_film
@@ -56,6 +55,8 @@ def run(
     with progress_bar(quiet) as progress, compiling(progress):
         progress.console.print(f"{scenario}: opening")
         made = built(asked, scenario, faults or ())
+        from swarmsim.engine.contacts import Contacts  # not before: it needs the compiler
+
         for notice in (*files_outside(scenario, set_ or ()), *made.notices):
             progress.console.print(f"notice: {notice}", markup=False, highlight=False)
         folder = new_folder(out, scenario.stem)
