@@ -30,12 +30,29 @@ SENT, HEARD = 240e-3 * 3.3 * 8e-6, 100e-3 * 3.3 * 8e-6
 OPERATION = 68e-3 * 3.3 / 35e6
 DRIVING = 1.0  # W, assumed
 VECTORS = 6 * 4  # bytes a cell: what conjugate gradients keep, in single precision
+WAYS = (
+    "alone",
+    "replicated",
+    "cloud, own piece",
+    "cloud, field",
+    "edge, own piece",
+    "collective",
+    "collective, migrating",
+)
+#: Conditions of six robots that figures show, with their names and the colours of Okabe and Ito.
+LOSSES = {
+    "6 robots": ("undisturbed", "#999999"),
+    "6 robots, loss 0.3": ("30 % lost, not 10", "#f0e442"),
+    "6 robots, jam": ("jam", "#cc79a7"),
+    "6 robots, wall of silence": ("wall of silence", "#0072b2"),
+    "6 robots, base dies": ("robot 0 dies", "#d55e00"),
+}
 Row = dict[str, Any]
 
 
 def rows(path: Path) -> list[Row]:
-    """The runs of a file."""
-    return [json.loads(line) for line in path.read_text().splitlines()]
+    """The runs of a file, way by way."""
+    return sorted(map(json.loads, path.read_text().splitlines()), key=lambda row: WAYS.index(row["way"]))
 
 
 def groups(found: Sequence[Row]) -> Iterator[tuple[str, str, list[Row]]]:
@@ -155,13 +172,18 @@ def crossing(found: Sequence[Row]) -> None:
 
 
 def bars(axis: Axes, found: Sequence[Row], measure: Callable[[Row], float], label: str) -> None:
-    """A bar with its interval for each way."""
+    """A bar with its interval for each way, of twelve robots and, beside it, of six."""
     ways = list(dict.fromkeys(row["way"] for row in found))
-    means = [mean([measure(row) for row in plain(found, way)]) for way in ways]
-    axis.barh(
-        ways, [one[0] for one in means], xerr=[one[1] for one in means], color="#0072b2", ecolor="black", capsize=3
-    )
-    axis.invert_yaxis()
+    for number, (condition, color, name) in enumerate(
+        (("plain", "#0072b2", "12 robots"), ("6 robots", "#e69f00", "6 robots"))
+    ):
+        its = [[measure(row) for row in found if (row["condition"], row["way"]) == (condition, way)] for way in ways]
+        means = [mean(one) if one else (np.nan, np.nan) for one in its]
+        at = np.arange(len(ways)) + 0.38 * number
+        middles, halves = zip(*means, strict=True)
+        axis.barh(at, middles, 0.36, xerr=halves, color=color, ecolor="black", capsize=2, label=name)
+    axis.set_yticks(np.arange(len(ways)) + 0.19, ways)
+    axis.set_ylim(len(ways), -0.4)
     axis.set_xlabel(label)
     axis.grid(axis="x", alpha=0.3)
 
@@ -175,10 +197,11 @@ def figures(found: Sequence[Row], folder: Path) -> None:
 
 
 def _costs(found: Sequence[Row], path: Path) -> None:
-    figure, axes = plt.subplots(1, 3, figsize=(11, 3.2), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(1, 3, figsize=(11, 4.0), sharey=True, layout="constrained")
     bars(axes[0], found, lambda row: row["sent"], "bytes sent, a robot and second")
     bars(axes[1], found, level_time("ESP32"), "a level on ESP32s, answers included (s)")
     bars(axes[2], found, lambda row: 1e3 * power(row), "radio and computing (mW a robot)")
+    axes[1].legend(fontsize=8, loc="upper right")
     for axis in axes:
         axis.set_xscale("symlog", linthresh=10.0 if axis is axes[0] else 0.1)
         axis.set_xlim(0.0, axis.get_xlim()[1] * 2.0)
@@ -222,25 +245,23 @@ def _sizes(found: Sequence[Row], path: Path) -> None:
 
 def _losses(found: Sequence[Row], path: Path) -> None:
     ways = ("replicated", "cloud, own piece", "edge, own piece", "collective")
-    conditions = ("6 robots", "6 robots, base dies", "6 robots, wall of silence")
+    there = [condition for condition in LOSSES if any(row["condition"] == condition for row in found)]
     figure, axes = plt.subplots(1, 2, figsize=(11, 3.4), layout="constrained")
     for axis, label, measure in (
         (axes[0], "levels known in the end (%)", lambda row: 100.0 * row["share"]),
         (axes[1], "age of own piece, 20 to 100 s (s)", lambda row: row["age_own"]),
     ):
-        for number, (condition, color) in enumerate(zip(conditions, ("#999999", "#d55e00", "#0072b2"), strict=True)):
+        for number, condition in enumerate(there):
             mine = [[measure(r) for r in found if (r["condition"], r["way"]) == (condition, way)] for way in ways]
-            means = [mean(one) if one else (np.nan, np.nan) for one in mine]
-            at = np.arange(len(ways)) + 0.25 * (number - 1)
-            label_of = condition.removeprefix("6 robots, ").replace("6 robots", "undisturbed")
-            axis.bar(at, [one[0] for one in means], 0.22, color=color, label=label_of)
-            axis.errorbar(
-                at, [one[0] for one in means], [one[1] for one in means], fmt="none", color="black", capsize=2
-            )
+            middles, halves = zip(*(mean(one) if one else (np.nan, np.nan) for one in mine), strict=True)
+            name, color = LOSSES[condition]
+            at = np.arange(len(ways)) + 0.17 * (number - (len(there) - 1) / 2)
+            axis.bar(at, middles, 0.16, color=color, label=name)
+            axis.errorbar(at, middles, halves, fmt="none", color="black", capsize=2)
         axis.set_xticks(range(len(ways)), [way.replace(", ", ",\n") for way in ways])
         axis.set_ylabel(label)
         axis.set_ylim(0, 100 if axis is axes[0] else None)
-    axes[1].legend(loc="upper left", fontsize=9)
+    axes[1].legend(loc="upper left", fontsize=8, ncols=2)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 

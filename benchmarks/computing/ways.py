@@ -49,6 +49,7 @@ WAYS: dict[str, tuple[str, ...]] = {
 FEW = ("robots.1.count=5",)
 DEAD = ('faults=[{use = "crash", at = 50, robots = [0], min_alive = 0}]',)
 WALL = ('faults=[{use = "radio", failure = "partition", x = 4.0, at = 30, duration = 60}]',)
+JAM = ('faults=[{use = "radio", failure = "jam", area = [2.0, 2.0, 6.0, 6.0], at = 30, duration = 60}]',)
 CONDITIONS: dict[str, tuple[str, ...]] = {
     "plain": (),
     "base dies": DEAD,
@@ -56,6 +57,7 @@ CONDITIONS: dict[str, tuple[str, ...]] = {
     "6 robots": FEW,
     "6 robots, base dies": (*FEW, *DEAD),
     "6 robots, wall of silence": (*FEW, *WALL),
+    "6 robots, jam": (*FEW, *JAM),
     "6 robots, loss 0.3": (*FEW, "network.channel.loss=0.3"),
     "6 robots, 8 exchanges": (*FEW, "network.rounds=8"),
     "6 robots, cell 0.3": (*FEW, "grid.cell=0.3"),

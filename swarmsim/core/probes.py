@@ -24,8 +24,9 @@ PIECES: Final = 1 << 16
 #: How pictures show a table. Of the lattice (rows, columns): a `field` of numbers, NaN where there is none; the number
 #: of the piece that a cell is in, -1 for none (`pieces`). Of these pieces (p,): the robots that are their `holders`,
 #: NOBODY, or GONE. Of the robots: a number each (`robots`); the robots (n, k) that each has got something from, -1 for
-#: none (`links`); where each takes something to be, and a standard deviation (n, 3), in m (`places`).
-Drawn = Literal["", "field", "pieces", "holders", "robots", "links", "places"]
+#: none (`links`); where each takes something to be, and a standard deviation (n, 3), in m (`places`). And
+#: where something is that all see in pictures alone (k, 2), in m, NaN while it is not there (`spots`).
+Drawn = Literal["", "field", "pieces", "holders", "robots", "links", "places", "spots"]
 NOBODY, GONE = -1, -2  # no robot computes a piece; and none has a state of it
 
 
@@ -107,6 +108,10 @@ def wrong_picture(table: ProbeTable, cells: tuple[int, int], robots: int) -> str
         case "places":
             expected = f"f8 of shape ('robots', 3), within {LARGEST:g}"
             fits = form[:2] == ("f8", ("robots", 3)) and max(-table.low, table.high) <= LARGEST
+        case "spots":
+            expected = f"f8 of shape (k, 2), within {LARGEST:g}"
+            fits = table.dtype == "f8" and table.shape[0:1] != ("robots",) and table.shape[1:] == (2,)
+            fits = fits and max(-table.low, table.high) <= LARGEST
         case _:
             return None
     return None if fits else f"{table.name!r} is drawn as {table.drawn}; expected {expected}"

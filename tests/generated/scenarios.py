@@ -139,7 +139,7 @@ class _Draw:
             bodies = table.get("physics", {}).get("use", "pymunk") == "pymunk"
             table["faults"] = timelines.some(sorted(registry.known("fault")), bodies)
         if dice.random() < 0.3:
-            uses = dice.sample(sorted(registry.known("probe")), dice.randint(1, 2))
+            uses = dice.sample(sorted(registry.known("probe").keys() - {"sources"}), dice.randint(1, 2))
             table["probes"] = [{"use": use, "name": f"of_{use}", "every": dice.randint(1, 4)} for use in uses]
         if not isinstance(robots, list) and dice.random() < 0.3:
             table.setdefault("sensor", {"use": "ir-ring"})
@@ -166,6 +166,7 @@ class _Draw:
                 table["task"] = self._part("task", tasks.get(job["use"], "settled"))
             if job["use"] == "locate-source":
                 table["field"] = self._smell()
+                table.setdefault("probes", []).append({"use": "sources", "every": 2})
                 job["name"] = "beside"  # the mind may be one too
             if dice.random() < 0.5:
                 self._processors(table)

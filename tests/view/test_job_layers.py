@@ -200,6 +200,22 @@ def test_pages_and_viewers_show_them_too(recording: Recording, tmp_path: Path) -
     assert {"/jobs", "/jobs/fill.field"} <= topics
 
 
+def test_true_sources_are_drawn_from_when_they_begin(tmp_path: Path) -> None:
+    places = "{x = 1.0, y = 2.0, begin = 3.0, velocity = [0.1, 0.0]}, {x = 3.0, y = 1.0, end = 2.0}"
+    found = recorded(
+        tmp_path, f'field={{use = "model", model = {{use = "diffusion"}}, sources = [{places}]}}',
+        'probes=[{use = "sources"}]', "stop.iterations=6",
+    )  # fmt: skip
+    at = {when: [mark.centre.tolist() for mark in drawn(found, when, "true_sources.place")] for when in (2, 5)}
+    assert at == {2: 3 * [[[3.0, 1.0]]], 5: 3 * [[[1.2, 2.0], [3.0, 1.0]]]}
+
+
+def test_true_sources_of_a_field_without_any_are_refused(tmp_path: Path) -> None:
+    told = r"probes\[0\]\.use: 'sources' looks where a field's sources are; expected \[field\] use = .model"
+    with pytest.raises(InputError, match=told):
+        recorded(tmp_path, 'probes=[{use = "sources"}]')
+
+
 def test_a_table_that_cannot_be_drawn_as_it_says_is_refused(tmp_path: Path) -> None:
     told = r"probes\[0\]\.use: 'there' is drawn as places; expected f8 of shape \('robots', 3\), within 1e\+07"
     with pytest.raises(InputError, match=told):

@@ -47,13 +47,18 @@ class SourceFound(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     def build(self, context: BuildContext) -> SourceTask:
         """The task. Raises InputError without a field that has sources."""
-        field = context.scalar_field
-        if not isinstance(field, Emitted) or not field.emitters:
-            raise InputError(
-                "use: 'source-found' measures how far off a field's source is; expected [field] use = \"model\" with "
-                "sources or hidden ones"
-            )
-        return SourceTask(self, field, context.period)
+        return SourceTask(self, emitted(context, "source-found"), context.period)
+
+
+def emitted(context: BuildContext, part: str) -> Emitted:
+    """The field. Raises InputError unless it has sources."""
+    field = context.scalar_field
+    if not isinstance(field, Emitted) or not field.emitters:
+        raise InputError(
+            f'use: {part!r} looks where a field\'s sources are; expected [field] use = "model" with sources or hidden '
+            "ones"
+        )
+    return field
 
 
 class SourceTask:

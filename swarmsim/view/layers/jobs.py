@@ -18,7 +18,7 @@ from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign, ramp
 from swarmsim.view.style import Style
 
-FIELD, PIECES, HALOS, NUMBERS, PLACES, RINGS = 10.5, 36.0, 72.0, 74.0, 88.0, 101.5  # z
+FIELD, PIECES, HALOS, NUMBERS, SPOTS, PLACES, RINGS = 10.5, 36.0, 72.0, 74.0, 87.0, 88.0, 101.5  # z
 #: The colours of viridis (van der Walt and Smith 2015), which colour-blind people and printers keep in order.
 SCALE: Final = (
     "#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725",
@@ -202,6 +202,21 @@ class PlaceTable(DrawnTable):
         return [Sign(self._of, f"{self._said} and spread", _places(np.array([(0.0, 0.0, 8.0)]), ONE, ""))]
 
 
+class SpotTable(DrawnTable):
+    """Where something is."""
+
+    def draw(self, shot: Frame) -> Sequence[Mark]:
+        """A white disc within a dark and a white ring at each place."""
+        places = np.asarray(self._values(shot), np.float64)
+        there = places[np.isfinite(places).all(axis=1)]
+        left, right, low, high = self._scene.bounds
+        return _spots(there, DISC * max(right - left, high - low), self._of) if len(there) else []
+
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
+        """One of them."""
+        return [Sign(self._of, self._said, _spots(np.zeros((1, 2)), 8.0, ""))]
+
+
 def job_layers(scene: Scene) -> list[DrawnTable]:
     """A layer for each table that a recording's jobs and probes declare to be drawn."""
     found: list[DrawnTable] = []
@@ -210,6 +225,7 @@ def job_layers(scene: Scene) -> list[DrawnTable]:
         "links": LinkTable,
         "robots": NumberTable,
         "places": PlaceTable,
+        "spots": SpotTable,
     }
     for declared in scene.recording.probes:
         pieces = next((one for one in declared.tables if one.drawn == "pieces"), None)
@@ -266,6 +282,11 @@ def _places(told: Reals, of: Whole, name: str) -> list[Mark]:
     inks = inks_of_robots(of)
     rings = Circles(told[:, :2], told[:, 2], inks, None, stroke=1e-6, of=of, name=f"{name} spread", z=PLACES)
     return [rings, forms(told[:, :2], PLUS, of, inks, PLACES, name)]
+
+
+def _spots(places: Reals, radius: float, name: str) -> list[Mark]:
+    rings = [(1.0, "#ffffff"), (0.8, "#101420"), (0.35, "#ffffff")]
+    return [Circles(places, share * radius, ink, None, name=name, z=SPOTS) for share, ink in rings]
 
 
 def _blend(share: float) -> Ink:
