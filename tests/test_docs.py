@@ -171,9 +171,9 @@ FOR_DEVELOPERS = {"test", "browser", "docs", "bench", "dist"}
 
 #: Pages whose commands take files of the repository; those of all others run in an empty folder.
 IN_A_CHECKOUT = {
-    "CONTRIBUTING.md", "docs/benchmark.md", "docs/computing.md", "docs/fleet-transports.md", "docs/fleet.md",
-    "docs/operations.md",
-}  # fmt: skip
+    "CONTRIBUTING.md",
+    "docs/benchmark.md",
+}
 
 
 @pytest.mark.parametrize(("page", "line"), COMMANDS, ids=[f"{page}: {line}" for page, line in COMMANDS])
