@@ -173,9 +173,9 @@ FOR_DEVELOPERS = {"test", "browser", "docs", "bench", "dist"}
 
 #: Pages whose commands take files of the repository; those of all others run in an empty folder.
 IN_A_CHECKOUT = {
-    "CONTRIBUTING.md", "docs/benchmark.md", "docs/computing.md", "docs/fleet-transports.md", "docs/fleet.md",
-    "docs/operations.md",
-}  # fmt: skip
+    "CONTRIBUTING.md",
+    "docs/benchmark.md",
+}
 
 
 @pytest.mark.parametrize(("page", "line"), COMMANDS, ids=[f"{page}: {line}" for page, line in COMMANDS])
@@ -452,6 +452,17 @@ def test_the_tables_of_the_pages_list_every_scenario() -> None:
 
 
 def test_links_of_the_documents_lead_somewhere() -> None:
-    for document in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/*.md")]:
+    for document in [*(ROOT / f"{name}.md" for name in ("README", "CONTRIBUTING", "AGENTS")), *ROOT.glob("docs/*.md")]:
         for target in re.findall(r"\]\(([^)#:]+)\)", document.read_text()):
             assert (document.parent / target).exists(), f"{document.name}: {target}"
+
+
+def test_what_the_page_for_assistants_names_is_there() -> None:
+    page = (ROOT / "AGENTS.md").read_text()
+    named = re.findall(r"(?<![\w/])((?:docs|tests|swarmsim|template|locks)/[\w./-]*|\w+\.md)", page)
+    assert len(named) > 10
+    for path in named:
+        assert (ROOT / path.rstrip(".")).exists(), path
+    for line in re.findall(r"^\.venv/bin/(\S+)", page, flags=re.MULTILINE):
+        assert re.search(rf"\b{line}\b", (ROOT / "Makefile").read_text()), line
+    assert len(page.splitlines()) < 60

@@ -38,14 +38,15 @@ KERNELS = 53  # compiled by the first run of a mapping swarm
 @contextmanager
 def compiling(progress: Progress) -> Iterator[None]:
     """Show a bar while the first run on a machine compiles its kernels."""
-    from swarmsim.kernels.compiling import makeshift, watched
+    from swarmsim.kernels.compiling import is_new, makeshift, watched
 
-    task, names = None, 0
+    task, names, new = None, 0, is_new()
 
     def told(name: str) -> None:
         nonlocal task, names
         if task is None:
-            progress.console.print("the first run on a machine compiles its kernels, which takes about 15 s")
+            if new:
+                progress.console.print("the first run on a machine compiles its kernels, which takes about 15 s")
             if (folder := makeshift()) is not None:
                 progress.console.print(
                     f"notice: compiled kernels are kept in {folder}: neither the package's folder nor the home can "

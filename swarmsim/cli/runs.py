@@ -150,8 +150,8 @@ def table(run: Run) -> Table:
         shown |= _measures(summary["measures"], recording) if name == "measures" else {name: value}
     period, times = recording.scenario.period, summary["reached"].items()
     shown["iterations"] = f"{summary['iterations']}, {told(summary['iterations'] * period)} simulated"
-    reached = (f"{share} at {'-' if at is None else f'{at} ({told(at * period)})'}" for share, at in times)
-    shown["reached"] = ", ".join(reached) or "-"
+    reached = [f"{share} at {at} ({told(at * period)})" for share, at in times if at is not None]
+    shown["reached"] = ", ".join(reached) or "none"
     shown["lost"] = ", ".join(f"{reason} {count}" for reason, count in summary["lost"].items()) or "none"
     shown["progress"] = f"{100.0 * summary['progress']:.2f} %"
     shown["events"] = "\n".join(lines[:EVENT_LINES] + ([f"and {hidden} more in summary.json"] if hidden > 0 else []))

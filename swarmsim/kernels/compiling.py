@@ -36,6 +36,10 @@ def wrapping(function):
     return function if compiles() else np.errstate(over="ignore")(function)
 
 
+def _places():
+    return (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)  # in numba's order
+
+
 def find_a_place() -> None:
     """Let numba keep kernels in a temporary folder if it can write to none of its places.
 
@@ -44,9 +48,17 @@ def find_a_place() -> None:
     """
     if config is None:
         return
-    known = (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)
-    if not any(place.from_function(find_a_place, __file__) for place in known):
+    if not any(place.from_function(find_a_place, __file__) for place in _places()):
         config.CACHE_DIR = str(_own_folder())
+
+
+def is_new() -> bool:
+    """Whether no compiled kernel is kept from an earlier run on this machine."""
+    if config is None:
+        return False
+    found = (place.from_function(find_a_place, __file__) for place in _places())
+    folder = next((Path(one.get_cache_path()) for one in found if one is not None), None)
+    return folder is None or not any(folder.glob("*.nbi"))
 
 
 def makeshift() -> str | None:

@@ -15,6 +15,7 @@ from swarmsim.view.painter import opaque, polygon
 from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.style import Style
 from swarmsim.view.theme import Colour, colour_of
+from swarmsim.view.wording import worded_value
 
 Reals = NDArray[np.float64]
 STRIPS = 240  # points of the small curves
@@ -112,12 +113,7 @@ class Panel:
 
     def _worded(self, value: float) -> str:
         """The value of the curve, in its unit."""
-        curve = self._scene.curve
-        scaled = curve.scale * value
-        unit = curve.label.partition(", ")[2]
-        if unit == "%":
-            scaled = np.floor(10.0 * curve.scale * value) / 10.0  # 100 % is all of it
-        return "none" if np.isnan(value) else f"{scaled:{curve.format}} {unit}".rstrip()
+        return "none" if np.isnan(value) else worded_value(self._scene.curve, value)
 
     def _widest(self) -> str:
         """The longest text for a value of the curve."""

@@ -9,7 +9,7 @@ import pygame
 from swarmsim.view.lettering import Lettering
 from swarmsim.view.panel import clock
 from swarmsim.view.theme import Theme
-from swarmsim.view.wording import fault_line
+from swarmsim.view.wording import fault_line, worded_value
 
 if TYPE_CHECKING:
     from swarmsim.recording.reader import Recording
@@ -33,8 +33,7 @@ def first_lines(recording: Recording, scene: Scene) -> list[str]:
 def last_lines(recording: Recording, scene: Scene) -> list[str]:
     """The result: status, the task's measure, robots and messages."""
     summary, curve = recording.summary(), recording.curve
-    name, _, unit = curve.label.partition(", ")
-    value = f"{curve.scale * summary['measures'][curve.name]:{curve.format}} {unit}".rstrip()
+    name, value = curve.label.partition(", ")[0], worded_value(curve, summary["measures"][curve.name])
     lost = sum(summary["lost"].values())
     return [
         f"{summary['status']} after {recording.iterations} iterations",

@@ -37,14 +37,19 @@ STRIKES: Final[dict[int, tuple[str, dict[str, object]]]] = {
 LAYER_KEYS: Final = dict(
     zip((pygame.K_1, pygame.K_2, pygame.K_3, pygame.K_4, pygame.K_5, pygame.K_6), LAYERS, strict=False)
 )
-HELP: Final = (
-    "space  run, pause          left, right  one iteration      + -  speed",
-    "click  pick a robot        o  its own map                  escape  none",
-    "wheel  zoom                drag  move                      0  all of the building",
-    "k  kill the picked robot   b  blind   m  mute   r  remove   p  push it towards the pointer",
-    "right button, drag  close a door, or put a box there        backspace  take that back",
-    "1 to 6  " + ", ".join(LAYER_KEYS.values()),
-    "t  light or dark           f  save a film                  h  this help       q  close",
+#: Keys and what they do, by what they are about, in two columns.
+HELP: Final[tuple[dict[str, dict[str, str]], ...]] = (
+    {
+        "time": {"space": "run, pause", "left, right": "one iteration", "+ -": "speed"},
+        "view": {"wheel, drag": "zoom, move", "0": "all of the building", "t": "light or dark"},
+        "layers": {str(number): name for number, name in enumerate(LAYER_KEYS.values(), 1)},
+    },
+    {
+        "robots": {"click": "pick one", "escape": "pick none", "o": "its own map"},
+        "harm the picked robot": {"k": "kill", "b": "blind", "m": "mute", "r": "remove", "p": "push to the pointer"},
+        "building": {"right drag": "close a door, place a box", "backspace": "take that back"},
+        "window": {"f": "save a film", "h": "this help", "q": "close"},
+    },
 )
 
 
@@ -373,17 +378,25 @@ class Window:
         self._screen.blit(text, (12, height - BAR + 30))
 
     def _draw_help(self) -> None:
-        theme, letters, room = self._look.colours, self._letters, self._screen.get_width() - 60
-        size = min(letters.size(text, 22, 12, room) for text in HELP)
-        lines = [letters.fitted(text, size, theme.text, room) for text in HELP]
-        row = round(1.35 * size)
-        width, height = max(line.get_width() for line in lines) + 40, row * len(lines) + 30
-        area = pygame.Rect(0, 0, width, height)
-        area.center = (self._screen.get_width() // 2, (self._screen.get_height() - BAR) // 2)
+        theme, letters = self._look.colours, self._letters
+        columns = [[line for about, keys in column.items() for line in ((about, ""), *keys.items())] for column in HELP]
+        rows = max(map(len, columns))
+        whole, high = self._screen.get_width(), self._screen.get_height() - BAR
+        row = min(30, (high - 40) // rows)
+        size, width = round(0.72 * row), min(whole - 60, 28 * row)
+        area = pygame.Rect(0, 0, width, row * rows + 30)
+        area.center = (whole // 2, high // 2)
         pygame.draw.rect(self._screen, theme.background, area, border_radius=8)
         pygame.draw.rect(self._screen, theme.rule, area, 2, border_radius=8)
-        for place, line in enumerate(lines):
-            self._screen.blit(line, (area.left + 20, area.top + 18 + row * place))
+        for left, lines in zip((area.left + 20, area.centerx + 10), columns, strict=True):
+            for place, (key, does) in enumerate(lines):
+                top = area.top + 15 + row * place
+                heading = letters.fitted(key, size, theme.text if does else theme.muted, width // 2 - 30)
+                self._screen.blit(heading, (left if not does else left + row // 2, top))
+                if does:
+                    self._screen.blit(
+                        letters.fitted(does, size, theme.text, width // 2 - 6 * row), (left + 5 * row, top)
+                    )
 
 
 def driver() -> str:

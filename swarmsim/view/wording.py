@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from swarmsim.core.events import Begins, BoxStands, BoxWaits, Ended, Ends, Event, Lost, PieceLost, PieceTaken, Regained
-from swarmsim.core.parts import Fault
+from swarmsim.core.parts import Curve, Fault
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.part import Part
 from swarmsim.faults.in_words import described
@@ -21,6 +22,13 @@ WORDS: Final = {
     "furniture": ("furniture placed", "furniture taken"),
     "rubble": ("rubble fell", "rubble cleared"),
 }
+
+
+def worded_value(curve: Curve, value: float) -> str:
+    """A task's measure in the unit of its axis; per cent are rounded down, so that 100 % is all of it."""
+    unit = curve.label.partition(", ")[2]
+    scaled = math.floor(10.0 * curve.scale * value + 1e-9) / 10.0 if unit == "%" else curve.scale * value
+    return f"{scaled:{curve.format}} {unit}".rstrip()
 
 
 def _name(part: Part[object]) -> str:

@@ -62,3 +62,24 @@ def test_a_read_only_install_runs_with_one_notice(tmp_path: Path) -> None:
     assert second.returncode == 0
     assert "compiled kernels" not in second.stdout
     assert "which is temporary" in called(tmp_path, "doctor").stdout.replace("\n", " ")
+
+
+def test_a_machine_is_new_until_a_kernel_is_kept(tmp_path: Path) -> None:
+    code = "from swarmsim.kernels import compiling; print(compiling.is_new())"
+
+    def is_new() -> str:
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+        run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        return run.stdout.strip()
+
+    assert is_new() == "True"
+    one = "from swarmsim.kernels.checks import counts_hold; print(counts_hold._cache.cache_path)"
+    folder = Path(
+        subprocess.run(
+            [sys.executable, "-c", one], env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True,
+            text=True, check=True,
+        ).stdout.strip()
+    )  # fmt: skip
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "kernel.nbi").touch()
+    assert is_new() == "False"

@@ -9,8 +9,9 @@ import pytest
 from conftest import made
 
 from swarmsim.core.events import Begins, BoxGone, BoxStands, BoxWaits, Ended, Ends
+from swarmsim.core.parts import Curve
 from swarmsim.view.timeline import noted
-from swarmsim.view.wording import worded
+from swarmsim.view.wording import worded, worded_value
 
 BOX = (3.9, 0.9, 4.3, 1.3)
 FAULTS = """faults=[
@@ -70,3 +71,10 @@ def test_words_need_no_pictures() -> None:
     code = "import sys, swarmsim.view.wording; sys.exit(' '.join({'pygame', 'matplotlib'} & {*sys.modules}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == ""
+
+
+def test_all_pictures_say_one_value_and_100_per_cent_is_all_of_it() -> None:
+    coverage = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0)
+    told = {value: worded_value(coverage, value) for value in (0.9999, 0.98765, 0.29, 1.0)}
+    assert list(told.values()) == ["99.9 %", "98.7 %", "29 %", "100 %"]
+    assert worded_value(Curve("spread", "spread, m"), 1.25).endswith(" m")

@@ -422,7 +422,8 @@ async function start() {
   $("theme").addEventListener("click", () => wear(state.theme === "dark" ? "light" : "dark"));
   for (const button of document.querySelectorAll(".events button")) button.addEventListener("click", () => { play(false); seek(Number(button.dataset.at)); });
   document.addEventListener("keydown", event => {
-    if (event.key !== "Escape" && event.target.closest("input, select, button, summary, a")) return;
+    const control = event.target.closest("input, select, button, summary, a"), ofRun = ["Home", "End"].includes(event.key) && control?.tagName === "SELECT";
+    if (event.key !== "Escape" && control && !ofRun) return; // in the list of speeds Home and End are of the run too
     const keys = { " ": () => play(!state.playing), ArrowRight: () => seek(state.time + 1), ArrowLeft: () => seek(state.time - 1), Home: () => seek(0), End: () => seek(longest), Escape: () => pick(-1) };
     if (keys[event.key]) { event.preventDefault(); keys[event.key](); }
   });
