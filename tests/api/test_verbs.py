@@ -74,6 +74,7 @@ FUNCTIONS = {
 WITHOUT = {
     "view": "opens a window and takes keys until it is closed",
     "robot run": "is a process of its own until the world ends",
+    "robot halt": "is a hand at a switch",
 }
 #: Options that belong to a command alone, whatever its verb.
 OF_COMMANDS = {"quiet", "as_json", "help"}
