@@ -34,7 +34,7 @@ _LACKING: Final = (
 )
 
 
-class Placing(Protocol):
+class Carrying(Protocol):
     """Bodies that can be put somewhere."""
 
     def state(self) -> State:
@@ -61,7 +61,7 @@ class WorldControl:
     All requests are answered between two iterations, by the thread that simulates. What cannot be read is counted.
     """
 
-    def __init__(self, address: str, bodies: Placing, period: float, page: tuple[float, ...]) -> None:
+    def __init__(self, address: str, bodies: Carrying, period: float, page: tuple[float, ...]) -> None:
         """Listens at HOST:PORT. `page` has the left, lower, right and upper edge, m. Raises InputError."""
         try:
             import zenoh  # noqa: F401
@@ -98,7 +98,7 @@ class WorldControl:
         self._state = self._bodies.state()
         self._left = max(self._left - 1, 0)
         if not self._left and self._stepping is not None:
-            self._stepping.reply("step_simulation", self._m.Answer().serialize())
+            self._stepping.reply("step_simulation", self._m.RosAnswer().serialize())
             self._stepping = None
         self._answer()
 
@@ -142,26 +142,26 @@ class WorldControl:
             query.reply(name, told.serialize())
 
     def _features(self, data: bytes, query: zenoh.Query) -> IdlStruct:
-        return self._m.Features.of(_FEATURES, f"swarmsim: {_LACKING}")
+        return self._m.RosFeatures.of(_FEATURES, f"swarmsim: {_LACKING}")
 
     def _told(self, data: bytes, query: zenoh.Query) -> IdlStruct:
         state = self._m.PLAYING if self._playing else self._m.PAUSED
-        return self._m.StateTold(self._m.SimulationState(state))
+        return self._m.RosStateTold(self._m.RosSimulationState(state))
 
     def _set(self, data: bytes, query: zenoh.Query) -> IdlStruct:
-        wanted = self._m.StateWanted.deserialize(data).state.state
+        wanted = self._m.RosStateWanted.deserialize(data).state.state
         if wanted == self._m.QUITTING:
-            query.reply("set_simulation_state", self._m.Answer().serialize())
+            query.reply("set_simulation_state", self._m.RosAnswer().serialize())
             raise EndAskedError
         if wanted not in (self._m.PLAYING, self._m.PAUSED):
             return self._no(self._m.UNSUPPORTED, f"state {wanted}; expected playing 1, paused 2 or quitting 3")
         if self._playing == (wanted == self._m.PLAYING):
             return self._no(self._m.ALREADY, "it is so already")
         self._playing = wanted == self._m.PLAYING
-        return self._m.Answer()
+        return self._m.RosAnswer()
 
     def _step(self, data: bytes, query: zenoh.Query) -> IdlStruct | None:
-        steps = self._m.Steps.deserialize(data).steps
+        steps = self._m.RosSteps.deserialize(data).steps
         if not self._is_paused:
             return self._no(self._m.INCORRECT_STATE, "the simulation is not paused; expected that it is, to step")
         if not 1 <= steps <= LONGEST:
@@ -170,35 +170,35 @@ class WorldControl:
         return None
 
     def _entities(self, data: bytes, query: zenoh.Query) -> IdlStruct:
-        wanted = self._m.EntitiesWanted.deserialize(data).filters
+        wanted = self._m.RosEntitiesWanted.deserialize(data).filters
         if wanted.tags.tags or wanted.bounds.type or len(wanted.filter) > _FILTER:
             why = f"filters by tags, by bounds or by more than {_FILTER} characters are not known"
-            return self._m.Entities(self._m.Result(self._m.UNSUPPORTED, why))
+            return self._m.RosEntities(self._m.RosResult(self._m.UNSUPPORTED, why))
         try:
             filtered = re.compile(wanted.filter)
         except re.error as problem:
-            return self._m.Entities(self._m.Result(self._m.FAILED, f"filter: {problem}"))
+            return self._m.RosEntities(self._m.RosResult(self._m.FAILED, f"filter: {problem}"))
         kinds = wanted.kinds
         names = [f"robot_{robot}" for robot in range(len(self._state.alive))]
         found = [name for name in names if filtered.search(name) and (not kinds or self._m.ROBOT in kinds)]
-        return self._m.Entities.of(found)
+        return self._m.RosEntities.of(found)
 
     def _entity(self, data: bytes, query: zenoh.Query) -> IdlStruct:
-        name = self._m.EntityWanted.deserialize(data).entity
+        name = self._m.RosEntityWanted.deserialize(data).entity
         robot = self._robot(name)
         if robot is None:
-            return self._m.EntityTold(self._m.Result(self._m.NOT_FOUND, self._unknown(name)))
+            return self._m.RosEntityTold(self._m.RosResult(self._m.NOT_FOUND, self._unknown(name)))
         (x, y, yaw), (along_x, along_y, turn) = self._state.pose[robot].tolist(), self._state.velocity[robot].tolist()
         seconds, nanoseconds = divmod(round(1e9 * self._state.iteration * self._period), 10**9)
         m = self._m
         header = m.Header(m.Time(seconds, nanoseconds), "world")
         pose = m.RosPose(m.Vector3(x, y, 0.0), m.Quaternion(0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
         twist = m.Twist(m.Vector3(along_x, along_y, 0.0), m.Vector3(0.0, 0.0, turn))
-        found: IdlStruct = m.EntityTold(state=m.EntityState(header, pose, twist))
+        found: IdlStruct = m.RosEntityTold(state=m.RosEntityState(header, pose, twist))
         return found
 
     def _move(self, data: bytes, query: zenoh.Query) -> IdlStruct:
-        asked = self._m.EntityMoved.deserialize(data)
+        asked = self._m.RosEntityMoved.deserialize(data)
         robot, place = self._robot(asked.entity), asked.state.pose.position
         if robot is None:
             return self._no(self._m.NOT_FOUND, self._unknown(asked.entity))
@@ -214,7 +214,7 @@ class WorldControl:
             return self._no(self._m.FAILED, f"{asked.entity} is dead")
         self._bodies.remove(np.array([robot]))
         self._bodies.place(np.array([robot]), np.array([[place.x, place.y, yaw]]))
-        return self._m.Answer()
+        return self._m.RosAnswer()
 
     def _robot(self, name: str) -> int | None:
         """A robot's number, by its name."""
@@ -226,7 +226,7 @@ class WorldControl:
         return f"no entity is called {name[:40]!r}; expected robot_0 to robot_{len(self._state.alive) - 1}"
 
     def _no(self, code: int, why: str) -> IdlStruct:
-        return self._m.Answer(self._m.Result(code, why))
+        return self._m.RosAnswer(self._m.RosResult(code, why))
 
 
 def _listening(place: Address) -> zenoh.Session:

@@ -20,7 +20,7 @@ ROBOT = 1  #: the category of all entities here
 
 
 @dataclass
-class Accel(IdlStruct, typename="geometry_msgs/msg/Accel"):
+class RosAccel(IdlStruct, typename="geometry_msgs/msg/Accel"):
     """An acceleration: m/s^2, rad/s^2. Never told here."""
 
     linear: Vector3 = field(default_factory=Vector3)
@@ -28,7 +28,7 @@ class Accel(IdlStruct, typename="geometry_msgs/msg/Accel"):
 
 
 @dataclass
-class Result(IdlStruct, typename="simulation_interfaces/msg/Result"):
+class RosResult(IdlStruct, typename="simulation_interfaces/msg/Result"):
     """How a request went."""
 
     result: uint8 = OK
@@ -36,21 +36,21 @@ class Result(IdlStruct, typename="simulation_interfaces/msg/Result"):
 
 
 @dataclass
-class Empty(IdlStruct, typename="simulation_interfaces/srv/Empty_Request"):
+class RosEmpty(IdlStruct, typename="simulation_interfaces/srv/Empty_Request"):
     """A request that asks for nothing else; ROS 2 gives it one byte."""
 
     structure_needs_at_least_one_member: uint8 = 0
 
 
 @dataclass
-class Answer(IdlStruct, typename="simulation_interfaces/srv/Answer_Response"):
+class RosAnswer(IdlStruct, typename="simulation_interfaces/srv/Answer_Response"):
     """The response of services that tell no more than how it went."""
 
-    result: Result = field(default_factory=Result)
+    result: RosResult = field(default_factory=RosResult)
 
 
 @dataclass
-class SimulatorFeatures(IdlStruct, typename="simulation_interfaces/msg/SimulatorFeatures"):
+class RosSimulatorFeatures(IdlStruct, typename="simulation_interfaces/msg/SimulatorFeatures"):
     """What a simulator can do, by number."""
 
     features: sequence[uint16] = field(default_factory=list)
@@ -59,55 +59,55 @@ class SimulatorFeatures(IdlStruct, typename="simulation_interfaces/msg/Simulator
 
 
 @dataclass
-class Features(IdlStruct, typename="simulation_interfaces/srv/GetSimulatorFeatures_Response"):
+class RosFeatures(IdlStruct, typename="simulation_interfaces/srv/GetSimulatorFeatures_Response"):
     """The response of GetSimulatorFeatures."""
 
-    features: SimulatorFeatures = field(default_factory=SimulatorFeatures)
+    features: RosSimulatorFeatures = field(default_factory=RosSimulatorFeatures)
 
     @classmethod
     def of(cls, features: Sequence[int], info: str) -> Self:
         """These features, and words about them."""
-        return cls(SimulatorFeatures(list(features), [], info))
+        return cls(RosSimulatorFeatures(list(features), [], info))
 
 
 @dataclass
-class SimulationState(IdlStruct, typename="simulation_interfaces/msg/SimulationState"):
+class RosSimulationState(IdlStruct, typename="simulation_interfaces/msg/SimulationState"):
     """Whether time goes on."""
 
     state: uint8 = PAUSED
 
 
 @dataclass
-class StateTold(IdlStruct, typename="simulation_interfaces/srv/GetSimulationState_Response"):
+class RosStateTold(IdlStruct, typename="simulation_interfaces/srv/GetSimulationState_Response"):
     """The response of GetSimulationState."""
 
-    state: SimulationState = field(default_factory=SimulationState)
-    result: Result = field(default_factory=Result)
+    state: RosSimulationState = field(default_factory=RosSimulationState)
+    result: RosResult = field(default_factory=RosResult)
 
 
 @dataclass
-class StateWanted(IdlStruct, typename="simulation_interfaces/srv/SetSimulationState_Request"):
+class RosStateWanted(IdlStruct, typename="simulation_interfaces/srv/SetSimulationState_Request"):
     """The request of SetSimulationState."""
 
-    state: SimulationState = field(default_factory=SimulationState)
+    state: RosSimulationState = field(default_factory=RosSimulationState)
 
 
 @dataclass
-class Steps(IdlStruct, typename="simulation_interfaces/srv/StepSimulation_Request"):
+class RosSteps(IdlStruct, typename="simulation_interfaces/srv/StepSimulation_Request"):
     """The request of StepSimulation."""
 
     steps: uint64 = 1
 
 
 @dataclass
-class EntityCategory(IdlStruct, typename="simulation_interfaces/msg/EntityCategory"):
+class RosEntityCategory(IdlStruct, typename="simulation_interfaces/msg/EntityCategory"):
     """What kind of thing an entity is."""
 
     category: uint8 = 0
 
 
 @dataclass
-class TagsFilter(IdlStruct, typename="simulation_interfaces/msg/TagsFilter"):
+class RosTagsFilter(IdlStruct, typename="simulation_interfaces/msg/TagsFilter"):
     """Entities with tags; there are none here."""
 
     tags: sequence[str] = field(default_factory=list)
@@ -115,7 +115,7 @@ class TagsFilter(IdlStruct, typename="simulation_interfaces/msg/TagsFilter"):
 
 
 @dataclass
-class Bounds(IdlStruct, typename="simulation_interfaces/msg/Bounds"):
+class RosBounds(IdlStruct, typename="simulation_interfaces/msg/Bounds"):
     """Entities in a place; 0 of type: anywhere."""
 
     type: uint8 = 0
@@ -123,13 +123,13 @@ class Bounds(IdlStruct, typename="simulation_interfaces/msg/Bounds"):
 
 
 @dataclass
-class EntityFilters(IdlStruct, typename="simulation_interfaces/msg/EntityFilters"):
+class RosEntityFilters(IdlStruct, typename="simulation_interfaces/msg/EntityFilters"):
     """Which entities are asked for."""
 
     filter: str = ""
-    categories: sequence[EntityCategory] = field(default_factory=list)
-    tags: TagsFilter = field(default_factory=TagsFilter)
-    bounds: Bounds = field(default_factory=Bounds)
+    categories: sequence[RosEntityCategory] = field(default_factory=list)
+    tags: RosTagsFilter = field(default_factory=RosTagsFilter)
+    bounds: RosBounds = field(default_factory=RosBounds)
 
     @property
     def kinds(self) -> list[int]:
@@ -138,17 +138,17 @@ class EntityFilters(IdlStruct, typename="simulation_interfaces/msg/EntityFilters
 
 
 @dataclass
-class EntitiesWanted(IdlStruct, typename="simulation_interfaces/srv/GetEntities_Request"):
+class RosEntitiesWanted(IdlStruct, typename="simulation_interfaces/srv/GetEntities_Request"):
     """The request of GetEntities."""
 
-    filters: EntityFilters = field(default_factory=EntityFilters)
+    filters: RosEntityFilters = field(default_factory=RosEntityFilters)
 
 
 @dataclass
-class Entities(IdlStruct, typename="simulation_interfaces/srv/GetEntities_Response"):
+class RosEntities(IdlStruct, typename="simulation_interfaces/srv/GetEntities_Response"):
     """The response of GetEntities."""
 
-    result: Result = field(default_factory=Result)
+    result: RosResult = field(default_factory=RosResult)
     entities: sequence[str] = field(default_factory=list)
 
     @classmethod
@@ -158,36 +158,36 @@ class Entities(IdlStruct, typename="simulation_interfaces/srv/GetEntities_Respon
 
 
 @dataclass
-class EntityState(IdlStruct, typename="simulation_interfaces/msg/EntityState"):
+class RosEntityState(IdlStruct, typename="simulation_interfaces/msg/EntityState"):
     """Where an entity is and how it moves, in the frame of the world."""
 
     header: Header = field(default_factory=Header)
     pose: RosPose = field(default_factory=RosPose)
     twist: Twist = field(default_factory=Twist)
-    acceleration: Accel = field(default_factory=Accel)
+    acceleration: RosAccel = field(default_factory=RosAccel)
 
 
 @dataclass
-class EntityWanted(IdlStruct, typename="simulation_interfaces/srv/GetEntityState_Request"):
+class RosEntityWanted(IdlStruct, typename="simulation_interfaces/srv/GetEntityState_Request"):
     """The request of GetEntityState."""
 
     entity: str = ""
 
 
 @dataclass
-class EntityTold(IdlStruct, typename="simulation_interfaces/srv/GetEntityState_Response"):
+class RosEntityTold(IdlStruct, typename="simulation_interfaces/srv/GetEntityState_Response"):
     """The response of GetEntityState."""
 
-    result: Result = field(default_factory=Result)
-    state: EntityState = field(default_factory=EntityState)
+    result: RosResult = field(default_factory=RosResult)
+    state: RosEntityState = field(default_factory=RosEntityState)
 
 
 @dataclass
-class EntityMoved(IdlStruct, typename="simulation_interfaces/srv/SetEntityState_Request"):
+class RosEntityMoved(IdlStruct, typename="simulation_interfaces/srv/SetEntityState_Request"):
     """The request of SetEntityState."""
 
     entity: str = ""
-    state: EntityState = field(default_factory=EntityState)
+    state: RosEntityState = field(default_factory=RosEntityState)
     set_pose: bool = False
     set_twist: bool = False
     set_acceleration: bool = False

@@ -194,6 +194,9 @@ def test_messages_longer_than_a_frame_are_refused_before_the_run() -> None:
     with pytest.raises(InputError, match=r"--transport udp: takes frames of 10 bytes; these robots may say 22 at once"):
         running._check_lengths(fleet, 10, "udp")
     sharing = 'mind.computation.sharing={use="map"}'
+    relay = 'mind.computation.sharing={use="relay", hops=5}'  # 14 other robots, 4 ages, 22 bytes each
+    with pytest.raises(InputError, match="takes frames of 1000 bytes; these robots may say 1253 at once"):
+        running._check_lengths(fleet_of(BASILICA, relay, iterations=2), 1000, "udp")
     with pytest.raises(InputError, match="takes frames of 1472 bytes; these robots may say 8830 at once"):
         running._check_lengths(fleet_of(BASILICA, sharing, iterations=2), 1472, "udp")
 
