@@ -62,7 +62,7 @@ class Deed:
 
 
 @dataclass(frozen=True, slots=True)
-class Mind:
+class BothHalves:
     """Both halves of a mind, as faults wrap them."""
 
     computation: AnyComputation
@@ -72,7 +72,7 @@ class Mind:
 class MindsEffect(Protocol):
     """What a fault does to a mind, as `faults.effect.Effect` does it to a swarm's."""
 
-    def wrap(self, parts: Mind, active: NDArray[np.bool_]) -> Mind: ...
+    def wrap(self, parts: BothHalves, active: NDArray[np.bool_]) -> BothHalves: ...
 
     def begin(self, robots: NDArray[np.int64], state: None) -> None: ...
 
@@ -108,7 +108,7 @@ class Robot:
         self,
         number: int,
         context: BuildContext,
-        mind: Mind,
+        mind: BothHalves,
         codec: Codec[MessageBatch],
         faults: Sequence[HeldFault] = (),
     ) -> None:
@@ -125,7 +125,7 @@ class Robot:
     def of(cls, charge: Charge) -> Self:
         """The robot that a charge describes, with an empty memory. Raises InputError."""
         context = charge.context()
-        mind, faults = Mind(*assembly.together(assembly.built_for(charge, context), charge)), list[HeldFault]()
+        mind, faults = BothHalves(*assembly.together(assembly.built_for(charge, context), charge)), list[HeldFault]()
         for one in charge.faults:
             fault: object = one.fault.build(replace(context, number=one.number))
             effect, active = cast("MindsTimedFault", fault).effect, np.zeros(1, np.bool_)
