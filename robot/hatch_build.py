@@ -18,7 +18,8 @@ class Shared(MetadataHookInterface):
         root = Path(self.root)
         whole = tomllib.loads((root.parent / "pyproject.toml").read_text())["project"]
         build = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
-        rooms = [place.replace("/", ".") for place in build["targets"]["wheel"]["force-include"].values()]
+        placed = build["targets"]["wheel"]["force-include"].values()
+        rooms = [place.removesuffix(".py").replace("/", ".") for place in placed]
         required = {re.split(r"\W", one, maxsplit=1)[0]: one for one in whole["dependencies"]}
         metadata["license"], metadata["requires-python"] = whole["license"], whole["requires-python"]
         metadata["dependencies"] = [required[name] for name in self.config["needs"]]

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from collections import Counter
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -27,8 +28,10 @@ from typer.testing import CliRunner
 from swarmsim.cli import app
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import HEADER
+from swarmsim.fleet.emergency import EVERYBODY, Halt
 from swarmsim.fleet.keyring import write_keys
 from swarmsim.fleet.transport import WORLD, RobotLink
+from swarmsim.fleet.transports.beacons import GONE, HERE, Beacons
 from swarmsim.studies.results import write_csv
 from swarmsim.testing.transports import collected
 
@@ -303,6 +306,32 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     assert json.loads((run / "summary.json").read_text()) == before
 
 
+def test_only_who_has_the_key_of_the_world_can_halt_robots(tmp_path: Path) -> None:
+    write_keys(4, tmp_path / "swarm.keys")
+    for folder in ("strange", "robots"):
+        (tmp_path / folder).mkdir()
+    write_keys(4, tmp_path / "strange" / "swarm.keys")
+    own = [one for one in (tmp_path / "swarm.keys").read_text().splitlines(True) if not one.startswith("world")]
+    (tmp_path / "robots" / "swarm.keys").write_text("".join(own))
+    order = Halt(EVERYBODY, True, 1_800_000_000).packed()
+    for place, said in ((".", [(order, None)]), ("strange", []), ("robots", [])):
+        air = f"{tmp_path}/{place}"
+        links = [
+            transport("signed", over={"use": "memory"}, keys=str(tmp_path / folder / "swarm.keys"), header=header)
+            for folder, header in ((place, 1), (".", 1))
+        ]
+        number = 2 if place == "robots" else WORLD
+        with closing(links[0].open(air, number)) as operator, closing(links[1].open(air, 3)) as robot:
+            if place == "robots":
+                with pytest.raises(InputError, match="has no key"):
+                    operator.say(order)
+            else:
+                operator.say(order)
+                operator.say(order)
+            assert robot.heard() == said
+            assert sum(robot.counts.values()) == (1 if place == "." else 2 if place == "strange" else 0)
+
+
 def test_forged_and_repeated_frames_are_not_heard(tmp_path: Path) -> None:
     """A hundred thousand; tests/fleet/test_strangers.py tells the reasons apart."""
     keys, air = str(write_keys(4, tmp_path / "swarm.keys")), str(tmp_path)
@@ -358,6 +387,33 @@ def test_floods_take_bounded_memory() -> None:
         assert heard[-1][0][:4] == (99_999).to_bytes(4)
 
 
+def test_signed_beacons_are_neither_made_up_nor_said_again(tmp_path: Path) -> None:
+    keys = {robot: bytes([robot + 2]) * 32 for robot in (WORLD, 1, 2)}
+    refused = Counter[str]()
+    listener, one = Beacons(WORLD, 60.0, keys, refused), Beacons(1, 60.0, keys, Counter())
+    stranger, taken = Beacons(2, 60.0, {**keys, 2: b"x" * 32}, Counter()), one.made(HERE)
+    listener.take(taken)
+    assert listener.present == {1}
+    gone = one.made(GONE)
+    listener.take(gone)
+    for wrong in (taken, gone, stranger.made(HERE), b"", taken[:-1], Beacons(2, 60.0, {}, Counter()).made(HERE)):
+        listener.take(wrong)
+    assert listener.present == set()
+    assert refused == {"no beacon": 6}
+    listener.take(one.made(HERE))
+    assert listener.present == {1}
+    file, place = str(write_keys(2, tmp_path / "swarm.keys")), free()
+    with (
+        closing(transport("udp", keys=file).open(place, WORLD)) as world,
+        closing(transport("udp", keys=file).open(place, 1)) as robot,
+        closing(transport("udp").open(place, 0)),
+    ):
+        until(lambda: robot.present() == {WORLD} and world.counts["no beacon"] > 0)
+        assert world.present() == {1}
+    with pytest.raises(InputError, match=r"transport udp: keys: .* has none for robot7"):
+        transport("udp", keys=file).open(place, 7)
+
+
 def test_garbage_at_ports_moves_nobody() -> None:
     """Datagrams on the air and for beacons, and connections to the channels, all with random bytes."""
     address, dice = free(), random.Random(4)
@@ -410,7 +466,7 @@ def test_who_has_no_key_stays_out_and_nobody_speaks_for_another(tmp_path: Path) 
                 transport("zenoh", keys=wrong, patience=0.5).open(address, 3)
         with pytest.raises(InputError, match=r"robot1\.keys has none for robot3; expected a line robot3:KEY"):
             transport("zenoh", keys=str(own)).open(address, 3)
-        mine, others = ([link.channel(f"do/{number}") for link in (world, one, two)] for number in (1, 2))
+        mine, others = ([link.channel(f"robots/{number}") for link in (world, one, two)] for number in (1, 2))
         time.sleep(0.2)
         one.say(b"by one")
         mine[1].say(b"done by one")

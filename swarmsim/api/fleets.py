@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import os
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, final
+from typing import Final, Literal, final
 
 import msgspec
 
@@ -24,7 +23,8 @@ from swarmsim.core.scenario.files import write_whole
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine.build import build
 from swarmsim.fleet import merging, remembered, running
-from swarmsim.fleet.running import Fleet, Up
+from swarmsim.fleet.control import EndAskedError, WorldControl
+from swarmsim.fleet.running import Fleet, FleetNews, Up
 from swarmsim.fleet.terms import Links
 
 _STRIKE: Final = re.compile(r"(?P<robots>\d+(,\d+)*)@(?P<at>\d+)(:(?P<lasts>\d+))?")
@@ -52,10 +52,12 @@ def flown(
     link: Sequence[str] = (),
     observers: Sequence[Observer] = (),
     at: str | None = None,
+    control: str | None = None,
 ) -> Run:
     """Run a fleet to its end into a folder, whose processes log into `logs` there.
 
-    Its robots are started on this machine or, with an address to meet `at`, come there by themselves.
+    Its robots are started on this machine or, with an address to meet `at`, come there by themselves. At an address for
+    its `control` it is paused and stepped.
 
     `fleet.json` there names the processes and tells how it goes. Raises InputError for what cannot work and PartError
     for a robot that fails.
@@ -67,9 +69,30 @@ def flown(
     with joined as there:
         status = Status(there, transport, folder / "fleet.json")
         try:
-            return record(fleet.run, folder, [status, *observers])
+            with controlled(fleet, control) as asked:
+                return record(fleet.run, folder, [status, *asked, *observers])
+        except EndAskedError:
+            return summarise(folder)
         finally:
             status.write()
+
+
+@contextmanager
+def controlled(fleet: Fleet, address: str | None) -> Iterator[Sequence[Observer]]:
+    """The observer through which a fleet is controlled at an address, once it is asked to begin; none without one.
+
+    Raises InputError.
+    """
+    if address is None:
+        yield ()
+        return
+    if not fleet.terms.lockstep:
+        raise InputError("--control: at a pace the clock says when iterations begin; expected --pace lockstep")
+    run = fleet.run
+    parts, page = run.simulation.parts, run.context.building.bounds
+    with closing(WorldControl(address, parts.bodies, run.context.period, page)) as control:
+        control.begin()
+        yield (control,)
 
 
 @final
@@ -90,10 +113,8 @@ class Status:
     def write(self) -> None:
         """Write the file."""
         self._due = time.monotonic() + 0.5
-        told = {
-            "transport": self._transport, "iteration": self._iteration, "world": os.getpid(), **self._there.told,
-        }  # fmt: skip
-        write_whole(self._file, json.dumps(told, indent=2) + "\n")
+        told = msgspec.json.encode(self._there.news(self._transport, self._iteration))
+        write_whole(self._file, msgspec.json.format(told).decode() + "\n")
 
 
 def fleet_up(
@@ -110,6 +131,7 @@ def fleet_up(
     seed: int | None = None,
     overrides: Overrides | None = None,
     faults: Sequence[str] = (),
+    control: str | None = None,
     allow_code: bool = False,
 ) -> Run:
     """Simulate a scenario whose robots are processes of their own, on this machine: `swarmsim fleet up`.
@@ -118,13 +140,14 @@ def fleet_up(
     keys of its own in `link`: ["interface=eth0"]. At the `pace` lockstep every iteration waits for every robot; at a
     number, so many times real time, nobody waits, faults of bodies and frozen minds strike the processes, and with
     `links` real robots hear what arrives. `kill`, `pause` and `late` are such faults as in ["1,3@200", "2@400:80"]:
-    robots, an iteration, and for how many. `seed`, `overrides`, `faults` and `allow_code` are those of `run`. Raises
-    InputError for what cannot work and PartError for a robot that fails.
+    robots, an iteration, and for how many. At an address for its `control`, HOST:PORT, the world begins paused and
+    answers services of ROS 2's simulation_interfaces, over keys of zenoh. `seed`, `overrides`, `faults` and
+    `allow_code` are those of `run`. Raises InputError for what cannot work and PartError for a robot that fails.
     """
     with registry.own_code(allow_code):
         struck = strikes(kill, pause, late)
         fleet = assembled(Path(scenario), seed, overrides, [*struck, *faults], pace, links)
-        return flown(fleet, new_folder(Path(out)), transport, link)
+        return flown(fleet, new_folder(Path(out)), transport, link, control=control)
 
 
 def world_serve(
@@ -139,6 +162,7 @@ def world_serve(
     faults: Sequence[str] = (),
     seed: int | None = None,
     overrides: Overrides | None = None,
+    control: str | None = None,
     allow_code: bool = False,
 ) -> Run:
     """Simulate a world whose robots come to the address `at`, from any machine: `swarmsim world serve`.
@@ -148,7 +172,7 @@ def world_serve(
     """
     with registry.own_code(allow_code):
         fleet = assembled(Path(scenario), seed, overrides, faults, pace, links, local=False)
-        return flown(fleet, new_folder(Path(out)), transport, link, at=at)
+        return flown(fleet, new_folder(Path(out)), transport, link, at=at, control=control)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,19 +217,19 @@ def fleet_merge(
     return Merged(summarise(target), lacks, remembered.offsets(made.logs))
 
 
-def fleet_status(run: str | Path) -> dict[str, object]:
+def fleet_status(run: str | Path) -> FleetNews:
     """How a fleet goes: processes, iteration, late ones, and what was dropped, by reason: `swarmsim fleet status`.
 
-    `run` is the folder of its recording. Each process is told to be alive or not. Raises InputError for no fleet.
+    `run` is the folder of its recording. `alive` tells of each process whether it is there. Raises InputError for no
+    fleet.
     """
     file = Path(run) / "fleet.json"
     try:
-        told = msgspec.json.decode(file.read_bytes(), type=dict[str, Any])
-        processes = {"world": told["world"], **{f"robot {robot}": pid for robot, pid in told["robots"].items()}}
-        alive = {name: Path(f"/proc/{int(pid)}").exists() for name, pid in processes.items()}
-    except (OSError, msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError) as problem:
+        told = msgspec.json.decode(file.read_bytes(), type=FleetNews)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as problem:
         raise InputError(f"{file}: cannot be read ({problem}); expected the folder of a run by `fleet up`") from problem
-    return {**told, "alive": alive}
+    alive = {name: Path(f"/proc/{pid}").exists() for name, pid in told.processes.items()}
+    return msgspec.structs.replace(told, alive=alive)
 
 
 def robot_charge(

@@ -24,6 +24,7 @@ from swarmsim.cli import (
     radios,
     reports,
     reproductions,
+    robots,
     runs,
     sizes,
     studies,
@@ -73,7 +74,7 @@ app.add_typer(worlds.app, name="world")
 app.add_typer(examples.app, name="examples")
 app.add_typer(radios.app, name="radio")
 app.add_typer(fleets.fleet, name="fleet")
-app.add_typer(fleets.robot, name="robot")
+app.add_typer(robots.robot, name="robot")
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ import typer
 
 from swarmsim.cli.interruption import told_if_interrupted
 from swarmsim.cli.options import AllowCode, Faults, Overrides, Quiet, Seed
-from swarmsim.cli.progress import Counted, RunBar, compiling, progress_bar
+from swarmsim.cli.progress import RunBar, compiling, progress_bar
 from swarmsim.cli.runs import FINISHED, NOT_FINISHED, table
 
 if TYPE_CHECKING:
@@ -22,12 +22,6 @@ fleet = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-robot = typer.Typer(
-    help="One robot of a fleet.\n\nExample: swarmsim robot charge basilica --id 3 --out build/3.charge",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-
 Scenario = Annotated[Path, typer.Argument(help="Scenario file (TOML).")]
 Pace = Annotated[
     str, typer.Option(help="lockstep: all wait for all. A number: so many times real time, and nobody waits.")
@@ -41,8 +35,10 @@ Strikes = Annotated[
     typer.Option(metavar="ROBOTS@ITERATION[:ITERATIONS]", help="Robots, when, and for how long; see above."),
 ]
 Transport = Annotated[str, typer.Option(help="What carries frames: udp, zenoh, or an installed part.")]
-
-
+Control = Annotated[
+    str | None,
+    typer.Option(metavar="HOST:PORT", help="Begin paused, and answer services of simulation_interfaces there."),
+]
 Link = Annotated[
     list[str] | None, typer.Option(metavar="KEY=VALUE", help="A key of the transport, as in interface=eth0.")
 ]
@@ -62,6 +58,7 @@ def up(
     faults: Faults = None,
     seed: Seed = None,
     set_: Overrides = None,
+    control: Control = None,
     allow_code: AllowCode = False,
     quiet: Quiet = False,
 ) -> None:
@@ -81,7 +78,7 @@ def up(
     made = assembled(scenario, seed, set_, [*struck, *(faults or ())], pace_of(pace), links)
     count = made.run.context.swarm
     head = f"{scenario}: a world and {count} robots, {count + 1} processes, over {transport}"
-    _fly(made, head, out, scenario.stem, transport, link or (), quiet)
+    _fly(made, head, out, scenario.stem, transport, link or (), quiet, control)
 
 
 def serve(
@@ -95,6 +92,7 @@ def serve(
     faults: Faults = None,
     seed: Seed = None,
     set_: Overrides = None,
+    control: Control = None,
     allow_code: AllowCode = False,
     quiet: Quiet = False,
 ) -> None:
@@ -108,12 +106,12 @@ def serve(
 
     made = assembled(scenario, seed, set_, faults or (), pace_of(pace), links, local=False)
     head = f"{scenario}: waits at {at} for {made.run.context.swarm} robots, over {transport}"
-    _fly(made, head, out, scenario.stem, transport, link or (), quiet, at)
+    _fly(made, head, out, scenario.stem, transport, link or (), quiet, control, at)
 
 
 def _fly(
     made: Fleet, head: str, out: Path | None, stem: str, transport: str, link: list[str] | tuple[()], quiet: bool,
-    at: str | None = None,
+    control: str | None, at: str | None = None,
 ) -> None:  # fmt: skip
     """Run a fleet to its end, and tell of it."""
     from swarmsim.api.fleets import flown
@@ -124,7 +122,7 @@ def _fly(
         progress.console.print(head)
         with told_if_interrupted(lambda: f"{made.run.simulation.state.iteration} iterations are kept in {folder}"):
             task = progress.add_task("simulating", total=1.0, text="")
-            done = flown(made, folder, transport, link, observers=[RunBar(progress, task, made.run)], at=at)
+            done = flown(made, folder, transport, link, [RunBar(progress, task, made.run)], at, control)
     progress.console.print(table(done))
     raise typer.Exit(FINISHED if done.finished else NOT_FINISHED)
 
@@ -170,91 +168,14 @@ def status(
 
     Example: swarmsim fleet status runs/fleet
     """
+    import msgspec
+
     from swarmsim.api.fleets import fleet_status
 
-    told = fleet_status(run)
+    told = msgspec.to_builtins(fleet_status(run), str_keys=True)
     if as_json:
         print(json.dumps(told, indent=2))
         return
-    for name, value in told.items():
+    for name, value in {**told, **told.pop("free", {})}.items():
         words = ", ".join(f"{key} {one}" for key, one in value.items()) if isinstance(value, dict) else value
         print(f"{name}: {words}")
-
-
-@robot.command("charge")
-def charge(
-    scenario: Scenario,
-    out: Annotated[Path, typer.Option(help="File to write.")],
-    id_: Annotated[int, typer.Option("--id", help="The robot's number, from 0.")] = 0,
-    seed: Seed = None,
-    set_: Overrides = None,
-    allow_code: AllowCode = False,
-) -> None:
-    """Write all that a robot of a scenario is told: its number, body, lattice, period, seed and mind; no world.
-
-    Example: swarmsim robot charge basilica --id 3 --out build/3.charge
-    """
-    from swarmsim.api.fleets import robot_charge
-
-    written = robot_charge(scenario, out, id_=id_, seed=seed, overrides=set_, allow_code=allow_code)
-    print(f"{written}: {written.stat().st_size} bytes, for robot {id_}")
-
-
-@robot.command("run")
-def run(
-    join: Annotated[str, typer.Option(help="The world's address, HOST:PORT.")],
-    id_: Annotated[int, typer.Option("--id", help="The robot's number, from 0.")],
-    transport: Transport = "zenoh",
-    link: Link = None,
-    log: Annotated[Path | None, typer.Option(help="File to log into; an earlier one goes on.")] = None,
-    recall: Annotated[bool, typer.Option("--recall", help="Begin with what the log says that it knew.")] = False,
-    after_world: Annotated[
-        Literal["end", "wait"], typer.Option(help="When the world is lost: end, or wait for another one.")
-    ] = "end",
-    allow_code: AllowCode = False,
-) -> None:
-    """Be one robot: join a world, be told a charge, and go on until the world ends.
-
-    Exit code 0: the world has ended; 2: bad input; 3: the world was lost.
-
-    Example: swarmsim robot run --id 3 --join 127.0.0.1:7447
-    """
-    from swarmsim.fleet.robot_process import RobotAsked
-    from swarmsim.fleet.robot_process import run as robot_run
-
-    asked = RobotAsked(
-        transport=transport,
-        join=join,
-        id=id_,
-        link=link or (),
-        allow_code=allow_code,
-        log=log,
-        recall=recall,
-        after_world=after_world,
-    )
-    raise typer.Exit(robot_run(asked))
-
-
-@robot.command("replay")
-def replay(
-    recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
-    id_: Annotated[int, typer.Option("--id", help="The robot's number, from 0.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="File to keep what it was told in, for another computer.")] = None,
-    allow_code: AllowCode = False,
-    quiet: Quiet = False,
-) -> None:
-    """Try one robot's mind: let it sense and hear what it did in a run, and compare what it says and does.
-
-    With --out, `swarmsim-robot replay FILE` does the same on the computer of a robot, and tells how long that takes.
-    Exit code 0: equal, to the last bit; 1: different; 2: bad input.
-
-    Example: swarmsim robot replay runs/basilica-1 --id 3 --out build/3.log
-    """
-    from swarmsim.api.runs import open as open_run
-
-    opened = open_run(recording)
-    with progress_bar(quiet) as progress:
-        told = Counted(progress, "simulating")
-        found = opened.replay(id_=id_, out=out, allow_code=allow_code, progress=told)
-    print(f"{recording}: {found}")
-    raise typer.Exit(FINISHED if found.equal else NOT_FINISHED)

@@ -16,16 +16,44 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.kinematics import Drives, Floats, Wheels
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.parts import Fault
 from swarmsim.core.readings import Channel, Channels
 from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.scenario.file import Mind, Scenario, table_of
-from swarmsim.core.scenario.part import NONE, plain
+from swarmsim.core.scenario.part import NONE, Part, plain
 from swarmsim.core.scenario.robots import LONGEST, Robots
 from swarmsim.core.streams import Streams
 
 VERSION: Final = 1  #: of charges, and of the telegrams between a world and its robots
 MOST: Final = 64 * 1024 * 1024  # bytes of a charge
+#: The keys of a fault's timeline, which the world keeps: when, and whom.
+TIMES: Final = frozenset(
+    ("at", "every", "between", "progress", "rate", "life", "duration", "duty", "robots", "group", "count", "fraction",
+     "target", "point", "region", "min_alive")
+)  # fmt: skip
 Pose = tuple[float, float, float]  # m, m, rad
+
+
+class MindsFault(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A fault that a robot has in its mind while the world says so."""
+
+    number: Annotated[int, Meta(ge=0, le=LONGEST)]  # its place in the scenario
+    fault: Part[Fault]  # without its timeline
+
+    @classmethod
+    def all_of(cls, scenario: Scenario) -> tuple[Self, ...]:
+        """Those of a scenario: what its parts declare to be `of_mind`."""
+        return tuple(
+            cls(number=number, fault=Part("fault", {"use": one.use, "at": 0, **_untimed(one)}))
+            for number, one in enumerate(scenario.faults)
+            if one.declares("of_mind", False)
+        )
+
+
+def _untimed(fault: Part[Fault]) -> dict[str, object]:
+    """A fault's own keys, without those of when and whom."""
+    given = {key: getattr(fault.parameters, key) for key in fault.parameters.__struct_fields__ if key not in TIMES}
+    return {key: value for key, value in given.items() if value is not None}
 
 
 class Charge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -45,6 +73,7 @@ class Charge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     channels: tuple[Channel, ...]  # of the swarm's sensors
     actuators: tuple[Channel, ...]
     sideways: tuple[bool, ...] | None = None  # which of all robots can move sideways; None: none
+    faults: tuple[MindsFault, ...] = ()  # of its mind
     field: bool = False  # whether there is a field to measure
     broadcasts: bool = False  # whether a message is charged once, however many robots hear it
 
@@ -64,7 +93,8 @@ class Charge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return cls(
             version=1, robot=robot, scenario=digest_of(scenario), title=scenario.title,
             robots=msgspec.structs.replace(scenario.robots, groups=groups), mind=scenario.mind, seed=scenario.seed,
-            period=context.period, lattice=(lattice.x0, lattice.y0, lattice.cell, lattice.rows, lattice.columns),
+            faults=MindsFault.all_of(scenario), period=context.period,
+            lattice=(lattice.x0, lattice.y0, lattice.cell, lattice.rows, lattice.columns),
             bounds=context.building.bounds, starts=tuple((x, y, yaw) for x, y, yaw in context.starts.tolist()),
             channels=tuple(context.channels), actuators=tuple(context.actuators),
             sideways=tuple(drives.sideways.tolist()) if drives is not None and sideways else None,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ class Sensed:
     readings: tuple[Column, ...]  # a row of each channel of its sensors
     decided: Intents | None = None  # what it did in the last iteration, if that was not its own decision
     forget: bool = False  # whether its memory is lost
+    faults: tuple[int, ...] = ()  # numbers of those that its mind has now, of its charge's
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +61,46 @@ class Deed:
     heard: NDArray[np.int32]  # (m, 2): sender and iteration sent of the letters that it took in, sorted
 
 
+@dataclass(frozen=True, slots=True)
+class BothHalves:
+    """Both halves of a mind, as faults wrap them."""
+
+    computation: AnyComputation
+    strategy: AnyStrategy
+
+
+class MindsEffect(Protocol):
+    """What a fault does to a mind, as `faults.effect.Effect` does it to a swarm's."""
+
+    def wrap(self, parts: BothHalves, active: NDArray[np.bool_]) -> BothHalves: ...
+
+    def begin(self, robots: NDArray[np.int64], state: None) -> None: ...
+
+    def end(self, robots: NDArray[np.int64], state: None) -> NDArray[np.int64]: ...
+
+
+class MindsTimedFault(Protocol):
+    """A fault as built, whose timeline is the world's."""
+
+    @property
+    def effect(self) -> MindsEffect: ...
+
+
+@dataclass(frozen=True, slots=True)
+class HeldFault:
+    """A fault that the robot has in its mind while `active` (1,)."""
+
+    number: int
+    effect: MindsEffect
+    active: NDArray[np.bool_]
+
+    def turn(self, on: bool) -> None:
+        """Begin or end it, if that is new."""
+        if on != self.active[0]:
+            self.active[0] = on
+            (self.effect.begin if on else self.effect.end)(np.zeros(1, np.int64), None)
+
+
 class Robot:
     """A robot's mind. In each iteration it senses first, then hears."""
 
@@ -67,14 +108,15 @@ class Robot:
         self,
         number: int,
         context: BuildContext,
-        computation: AnyComputation,
-        strategy: AnyStrategy,
+        mind: BothHalves,
         codec: Codec[MessageBatch],
+        faults: Sequence[HeldFault] = (),
     ) -> None:
-        """The `codec` reads and writes the messages of all its swarm."""
+        """The `codec` reads and writes the messages of all its swarm; the `faults` have wrapped its mind."""
         #: Its number in the swarm.
         self.number = number
-        self._context, self._computation, self._strategy, self._codec = context, computation, strategy, codec
+        self._context, self._codec, self._faults = context, codec, faults
+        self._computation, self._strategy = mind.computation, mind.strategy
         self._decided: Intents | None = None
         self._senses: Senses | None = None
         self._said: Broadcast[MessageBatch] | None = None
@@ -83,8 +125,13 @@ class Robot:
     def of(cls, charge: Charge) -> Self:
         """The robot that a charge describes, with an empty memory. Raises InputError."""
         context = charge.context()
-        computation, strategy = assembly.together(assembly.built_for(charge, context), charge)
-        return cls(charge.robot, context, computation, strategy, _codec(charge, computation))
+        mind, faults = BothHalves(*assembly.together(assembly.built_for(charge, context), charge)), list[HeldFault]()
+        for one in charge.faults:
+            fault: object = one.fault.build(replace(context, number=one.number))
+            effect, active = cast("MindsTimedFault", fault).effect, np.zeros(1, np.bool_)
+            mind = effect.wrap(mind, active)
+            faults.append(HeldFault(one.number, effect, active))
+        return cls(charge.robot, context, mind, _codec(charge, mind.computation), faults)
 
     @property
     def context(self) -> BuildContext:
@@ -102,6 +149,8 @@ class Robot:
         """Take in what it senses; what it says, as frames: one or, if it has nothing to say, none."""
         if sensed.forget:
             self._computation.reset(np.zeros(1, np.int64))
+        for fault in self._faults:
+            fault.turn(fault.number in sensed.faults)
         if sensed.decided is not None:
             self._decided = sensed.decided
         readings = Readings(self._context.channels, tuple([column[None] for column in sensed.readings]))
@@ -174,11 +223,12 @@ def _codec(charge: Charge, computation: AnyComputation) -> Codec[MessageBatch]:
 def warm(charge: Charge) -> None:
     """Go through an iteration with a robot that is then forgotten: what has to be compiled or imported is."""
     robot = Robot.of(charge)
-    for iteration in range(2):
-        frames = robot.sense(_nothing(robot, charge, iteration, True))
-        others = [number for number in range(robot.context.swarm) if number != robot.number][:1]
-        items = [robot._codec.unpack(frame)[2] for frame in frames]
-        robot.hear([Letter(other, iteration, one) for other in others for one in items])
+    others = [number for number in range(robot.context.swarm) if number != robot.number][:1]
+    with np.errstate(all="ignore"):  # the other one is at the same place, where some ways have no direction
+        for iteration in range(2):
+            frames = robot.sense(_nothing(robot, charge, iteration, True))
+            items = [robot._codec.unpack(frame)[2] for frame in frames]
+            robot.hear([Letter(other, iteration, one) for other in others for one in items])
 
 
 def idle(charge: Charge) -> Deed:

@@ -42,6 +42,11 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     age: Annotated[int, Meta(ge=1, le=100_000)] | None = None  # for replay: iterations
     id: Annotated[int, Meta(ge=0)] | None = None  # for spoof: the robot it pretends to be; default: any, anew each time
 
+    @property
+    def of_mind(self) -> bool:
+        """Whether a robot that is a process of its own has it in its mind: what it says, and not in whose name."""
+        return self.failure != "spoof"
+
     def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have, or lacks."""
         for failure, key in OF_ANY.items():

@@ -40,6 +40,11 @@ class MindFault(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     failure: Literal["frozen", "random-walk", "reboot"]
     reach: Annotated[float, Meta(gt=0.0)] | None = None  # for random-walk: m, the longest way to a place; default 1.5
 
+    @property
+    def of_mind(self) -> bool:
+        """Whether a robot that is a process of its own has it in its mind."""
+        return True
+
     def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have."""
         if self.reach is not None and self.failure != "random-walk":
@@ -222,7 +227,7 @@ class RandomWalk:
         self._reach = max(1, int(min(reach / lattice.cell, lattice.rows * lattice.columns)))  # steps
         self._pace = lattice.cell / (robots.speed * context.period)  # iterations a step
         self._under = search.footprint(robots.radius / lattice.cell)
-        self._streams = [context.streams.open(purpose, robot) for robot in range(context.swarm)]
+        self._streams = [context.streams.open(purpose, robot) for robot in context.ids.tolist()]
         self._walks: dict[int, tuple[Decision, float]] = {}  # and for how many iterations more
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:

@@ -153,7 +153,8 @@ class FreeEnd:
 
     def _listen(self, seconds: float) -> bool:
         """Take in what has been told, after waiting for it at most so long; whether there was anything."""
-        heard = self._lines.heard(seconds)
+        late = (robot for robot in sorted(self.ready) if self._newest[robot] < self._now)
+        heard = self._lines.heard(seconds, next(late, 0))
         for telegram in heard:
             self._take(telegram)
         return bool(heard)

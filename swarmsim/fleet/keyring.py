@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import secrets
@@ -12,6 +13,7 @@ from typing import Final
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.fleet.transport import WORLD
 
+TAG: Final = 8  #: bytes of a tag: a forger succeeds once in 2^64 tries
 _LINE: Final = re.compile(r"(world|robot(\d{1,5})):((?:[0-9a-f]{2}){16,32})")
 _LARGEST: Final = 2**23  # bytes of a file: a line for each of 65536 robots takes less
 
@@ -56,6 +58,11 @@ def key_of(robot: int, keys: Mapping[int, bytes], path: str | Path, kind: str) -
             f"transport {kind}: keys: {path} has none for {user(robot)}; expected a line {user(robot)}:KEY"
         )
     return keys[robot]
+
+
+def tag(data: bytes, key: bytes, purpose: bytes) -> bytes:
+    """The tag that only who has the key can make: keyed BLAKE2b (RFC 7693). None of another `purpose` is equal."""
+    return hashlib.blake2b(data, digest_size=TAG, key=key, person=purpose).digest()
 
 
 def write_keys(robots: int, out: str | Path) -> Path:

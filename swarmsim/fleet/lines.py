@@ -1,18 +1,21 @@
-"""The world's lines to its robots: it tells each by itself, hears them all on one channel, and lets them join."""
+"""The world's lines to its robots: it tells each by itself, hears each on a channel of its own, and lets them join."""
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Sequence
-from typing import final
+from typing import Final, final
 
 from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import FrameError
 from swarmsim.fleet import wire
-from swarmsim.fleet.terms import FROM_ROBOTS, Terms, from_world
+from swarmsim.fleet.terms import Terms, from_robot, from_world
 from swarmsim.fleet.transport import LinkError, RobotLink
 from swarmsim.fleet.wire import Telegram
+
+_LOOK: Final = 0.005  # s between two looks at all channels
 
 
 @final
@@ -22,7 +25,7 @@ class RobotLines:
     def __init__(self, link: RobotLink, charges: Sequence[Charge], terms: Terms) -> None:
         """Each robot that joins is told its charge and the terms."""
         self.terms, self.charges, self._link = terms, charges, link
-        self._from_robots = link.channel(FROM_ROBOTS)
+        self._from_robots = [link.channel(from_robot(robot)) for robot in range(len(charges))]
         self._to_robots = [link.channel(from_world(robot)) for robot in range(len(charges))]
         #: The process of each robot, as it told.
         self.pids: dict[int, int] = {}
@@ -42,20 +45,32 @@ class RobotLines:
                 raise
             self.counts["unsent"] += 1
 
-    def heard(self, seconds: float) -> list[Telegram]:
-        """What robots have told, after waiting for it at most so long. What is no telegram is counted and dropped."""
-        if not self._from_robots.wait(seconds):
-            return []
-        read = (self._read(data) for data, _ in self._from_robots.heard())
-        return [one for one in read if one is not None]
+    def heard(self, seconds: float, first: int = 0) -> list[Telegram]:
+        """What robots have told, after waiting at most so long for something, above all from the robot `first`.
 
-    def _read(self, data: bytes) -> Telegram | None:
+        What is no telegram of the robot whose channel it came by is counted and dropped.
+        """
+        ends = time.monotonic() + seconds
+        while True:
+            found = [
+                one
+                for robot, channel in enumerate(self._from_robots)
+                for data, _ in channel.heard()
+                if (one := self._read(robot, data)) is not None
+            ]
+            left = ends - time.monotonic()
+            if found or left <= 0.0:
+                return found
+            self._from_robots[first].wait(min(left, _LOOK))
+
+    def _read(self, robot: int, data: bytes) -> Telegram | None:
         try:
             telegram = Telegram.read(data)
-            if telegram.robot >= len(self.charges):
-                raise FrameError(f"a telegram of robot {telegram.robot}; expected 0 to {len(self.charges) - 1}")
         except FrameError:
             self.counts["no telegram"] += 1
+            return None
+        if telegram.robot != robot:
+            self.counts["of another robot"] += 1
             return None
         return telegram
 

@@ -53,7 +53,8 @@ class LockstepEnd:
         """One telegram of this kind from every robot. Raises LinkError if one has ended."""
         found: dict[int, Telegram] = {}
         while len(found) < len(self._lines.charges):
-            heard = self._lines.heard(_LOOK)
+            first = next(robot for robot in range(len(self._lines.charges)) if robot not in found)
+            heard = self._lines.heard(_LOOK, first)
             if not heard and (told := self._lost()):
                 raise LinkError(told)
             for telegram in heard:

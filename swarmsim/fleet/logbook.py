@@ -107,6 +107,20 @@ class Logbook:
         os.close(self._file)
 
 
+@final
+class NoLogbook:
+    """Keeps nothing."""
+
+    def note(self, kind: int, data: bytes) -> None:
+        """Nothing."""
+
+    def flush(self) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Nothing."""
+
+
 def entries(path: Path) -> Iterator[LogEntry]:
     """All whole entries of a log. Raises InputError for a file that is none."""
     try:

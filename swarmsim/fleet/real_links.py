@@ -63,7 +63,7 @@ def nearest_of(scenario: Scenario, minds: RemoteMinds) -> int:
     network = scenario.network
     for number, one in enumerate(scenario.faults):
         failure = one.declares("failure", "")
-        if one.use in ("radio", "byzantine") or failure == "reboot":
+        if one.use == "radio" or failure == "spoof":
             raise InputError(f"faults[{number}]: {one.use} {failure} acts on simulated links alone; {_WHERE}")
     if network.channel.use != "perfect":
         raise InputError(f"network.channel.use: {network.channel.use!r} is simulated; {_WHERE}")

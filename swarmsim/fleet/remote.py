@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from swarmsim.core import groups, reports
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch
-from swarmsim.core.parts import AnyStrategy, Parts
+from swarmsim.core.parts import AnyStrategy, Fault, Parts
 from swarmsim.core.reports import Report
 from swarmsim.core.robot import Deed, Sensed
-from swarmsim.core.state import Intents, Knowledge, Senses
+from swarmsim.core.scenario.part import Part
+from swarmsim.core.state import Intents, Knowledge, Senses, State
 from swarmsim.faults.delegate import ComputationDelegate
+from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.fleet.wire import Ears
 
 
@@ -51,12 +53,20 @@ class RemoteMinds(ComputationDelegate):
         self.crew: Answering | None = None
         self._frames: dict[tuple[int, int], bytes] = {}  # by sender and iteration, while they may be under way
         self._forgets: set[int] = set()
+        self._faults: list[InMinds] = []
         self._deeds: list[Deed] = []
 
     @property
     def deeds(self) -> Sequence[Deed]:
         """What each robot did last."""
         return self._deeds
+
+    def carries(self, part: Part[Fault], fault: Fault) -> Fault:
+        """The same fault or, if it is the minds' own, one that robots are told of in the world's iterations."""
+        if not isinstance(fault, TimedFault) or not part.declares("of_mind", False):
+            return fault
+        self._faults.append(InMinds(self, fault, part.declares("failure", "") == "reboot"))
+        return TimedFault(fault.course, self._faults[-1], fault.number)
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
         """What the robots say, once they have sensed."""
@@ -83,7 +93,7 @@ class RemoteMinds(ComputationDelegate):
         last = None if decided is None else _row(decided, row)
         return Sensed(
             senses.iteration, bool(senses.alive[row]), senses.pose[row], senses.velocity[row], readings, last,
-            row in self._forgets,
+            row in self._forgets, tuple(one.number for one in self._faults if one.active[row]),
         )  # fmt: skip
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
@@ -94,9 +104,11 @@ class RemoteMinds(ComputationDelegate):
             for row in range(len(senses.alive))
         ]
         self._deeds = self._there().hear(ears)
-        late = np.array([deed.iteration < senses.iteration for deed in self._deeds])
-        if late.any():  # they have heard nothing yet
-            inbox = inbox.take(np.flatnonzero(~late[inbox.receivers]))
+        deaf = np.array([deed.iteration < senses.iteration for deed in self._deeds])  # they have heard nothing yet
+        for one in self._faults:
+            deaf |= one.active & one.blank
+        if deaf.any():
+            inbox = inbox.take(np.flatnonzero(~deaf[inbox.receivers]))
         for key in [key for key in self._frames if key[1] < min(inbox.oldest, senses.iteration)]:
             del self._frames[key]
         return reports.adopt(self._inner, [deed.report for deed in self._deeds], inbox)
@@ -133,6 +145,28 @@ class RemoteMinds(ComputationDelegate):
             f"faults: robots {robots.tolist()} would begin with the knowledge of robot {source}, which is in a process "
             "of its own; expected an empty memory"
         )
+
+
+class InMinds(StatelessEffect):
+    """The effect of a fault that robots have in their own minds: the world only says who has it."""
+
+    def __init__(self, minds: RemoteMinds, planned: TimedFault, blank: bool) -> None:
+        """Robots with a `blank` mind begin with an empty memory, and take nothing in."""
+        self._minds, self._planned, self.blank = minds, planned, blank
+        #: Its place in the scenario.
+        self.number = planned.number
+        #: Which robots have it (n,): a live view.
+        self.active = planned.course.active
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The same parts. Raises InputError for minds that cannot have the fault."""
+        self._planned.effect.wrap(parts, active)
+        return parts
+
+    def begin(self, robots: NDArray[np.int64], state: State) -> None:
+        """They forget, if the fault says so."""
+        if self.blank:
+            self._minds.reset(robots)
 
 
 class RemoteStrategy:

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Final
 
 import swarmsim
-from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError, lacks
-from swarmsim.core.robot import warm
 from swarmsim.core.scenario import registry
 from swarmsim.fleet.diaries import replayed
-from swarmsim.fleet.robot_process import BAD_INPUT, RobotAsked, run
+from swarmsim.fleet.robot_process import BAD_INPUT
+from swarmsim.fleet.starting import OneRobot, started
 
 DIFFERENT: Final = 1  # exit code
 
@@ -39,19 +38,26 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"swarmsim-robot {swarmsim.__version__}")
     verbs = parser.add_subparsers(required=True, metavar="VERB")
     one = verbs.add_parser(
-        "run", help="join a world, and go on until it ends",
-        description="Be one robot: join a world, be told a charge, and go on until the world ends. Exit code 0: the "
-        "world has ended; 2: bad input; 3: the world was lost.",
+        "run", help="join a world or, with --adapter, live in a body",
+        description="Be one robot: of a world that tells it its charge, until that ends, or with a body of its own. "
+        "Exit code 0: it has ended as it should; 2: bad input; 3: the world or the body was lost.",
         epilog="Example: swarmsim-robot run --id 3 --join 192.168.1.20:7447",
     )  # fmt: skip
     one.add_argument("--join", required=True, metavar="HOST:PORT", help="the world's address")
-    number = one.add_mutually_exclusive_group(required=True)
-    number.add_argument("--id", type=int, help="the robot's number, from 0")
-    number.add_argument(
+    one.add_argument("--id", type=int, dest="id_", help="the robot's number, from 0")
+    one.add_argument(
         "--charge", type=Path, metavar="FILE",
-        help="a charge that `swarmsim robot charge` wrote: it has the number, and its mind is tried before joining",
+        help="a charge that `swarmsim robot charge` wrote: it has the number, and a world has to simulate its scenario",
     )  # fmt: skip
     one.add_argument("--transport", default="zenoh", help="what carries frames: zenoh, udp, or an installed part")
+    one.add_argument("--log", type=Path, metavar="FILE", help="file to log into; an earlier one goes on")
+    one.add_argument("--recall", action="store_true", help="begin with what the log says that it knew")
+    one.add_argument("--after-world", choices=("end", "wait"), default="end", help="when the world is lost")
+    one.add_argument("--adapter", default="", help="live without a world, in the body that this adapter reaches")
+    for option, told in (("link", "transport"), ("body", "adapter"), ("guard", "guard, as in fence=[0,0,2,1.5]")):
+        one.add_argument(f"--{option}", action="append", default=[], metavar="KEY=VALUE", help=f"a key of the {told}")
+    one.add_argument("--nearest", type=int, default=0, help="with an adapter: listen to so many; 0: to all")
+    one.add_argument("--iterations", type=int, help="with an adapter: end after so many")
     one.add_argument("--allow-code", action="store_true", help="run code that the scenario names")
     one.set_defaults(do=_run)
     one = verbs.add_parser(
@@ -67,8 +73,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(asked: argparse.Namespace) -> int:
-    number: int = asked.id if asked.charge is None else _tried(asked.charge, asked.allow_code)
-    return run(RobotAsked(transport=asked.transport, join=asked.join, id=number, allow_code=asked.allow_code))
+    return started(OneRobot(**{name: value for name, value in vars(asked).items() if name != "do"}))
 
 
 def _replay(asked: argparse.Namespace) -> int:
@@ -76,14 +81,6 @@ def _replay(asked: argparse.Namespace) -> int:
         found = replayed(asked.log)
     sys.stdout.write(f"{asked.log}: {found}\n")
     return 0 if found.equal else DIFFERENT
-
-
-def _tried(file: Path, allow_code: bool) -> int:
-    """The number of the robot of a charge, once its mind has worked here. Raises InputError."""
-    charge = Charge.open(file)
-    with registry.own_code(allow_code):
-        warm(charge)
-    return charge.robot
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
+from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError, StorageError
 from swarmsim.core.scenario import registry
 from swarmsim.fleet.opening import opened
@@ -61,7 +62,7 @@ def _lived(asked: RobotAsked) -> bool:
         return False
     try:
         with registry.own_code(asked.allow_code):
-            RobotEnd(link, asked.id, asked.log, asked.recall).run()
+            RobotEnd(link, asked.id, asked.log, asked.recall, asked.charge).run()
     except LinkError as problem:
         if asked.after_world == "end":
             raise
@@ -79,6 +80,7 @@ class RobotAsked:
     transport: str
     join: str  # the world's address
     id: int  # its number
+    charge: Charge | None = None  # that it expects to be told
     link: Sequence[str] = ()  # keys of the transport, as KEY=VALUE
     allow_code: bool = False
     log: Path | None = None

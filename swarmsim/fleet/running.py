@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import os
 import socket
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import msgspec
+from msgspec import Struct
 
 from swarmsim.core.charge import Charge
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.messages import FrameError, longest_of
-from swarmsim.core.parts import Parts
+from swarmsim.core.parts import Fault, Parts
 from swarmsim.core.robot import warm
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import Scenario
+from swarmsim.core.scenario.part import Part
 from swarmsim.engine.build import BuiltRun, build
 from swarmsim.fleet import logbook
 from swarmsim.fleet.addresses import LOOPBACK
@@ -63,16 +66,44 @@ class Up:
     processes: Processes
     free: FreeEnd | None = None  # None: in lockstep
 
+    def news(self, transport: str, iteration: int) -> FleetNews:
+        """How it goes, in an iteration, over a transport."""
+        free, pids = self.free, self.processes.pids or self.lines.pids
+        pace = None if free is None else FreeNews(
+            iterations=free.iterations, late=free.late, behind=free.behind, slipped=round(free.slipped, 3),
+            missed=dict(sorted(free.missed.items())),
+        )  # fmt: skip
+        return FleetNews(
+            transport=transport, iteration=iteration, world=os.getpid(), robots=dict(sorted(pids.items())), free=pace,
+            dropped=dict(sorted(self.lines.counts.items())),
+        )  # fmt: skip
+
+
+class FreeNews(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How a fleet keeps its pace."""
+
+    iterations: int
+    late: int  # iterations at whose end a robot had not decided
+    behind: int  # iterations that the world began late
+    slipped: float  # s, lost by that
+    missed: dict[int, int]  # by robot: how often it had not decided
+
+
+class FleetNews(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """How a fleet goes, as the file `fleet.json` in the folder of its run holds it."""
+
+    transport: str
+    iteration: int
+    world: int  # its process
+    robots: dict[int, int]  # their processes, by number
+    free: FreeNews | None = None  # None: in lockstep
+    dropped: dict[str, int]  # by reason
+    alive: dict[str, bool] = {}  # whether each process is there, once somebody asks
+
     @property
-    def told(self) -> Mapping[str, object]:
-        """How it goes: processes, iterations that were late, and what was dropped, by reason."""
-        pids = {str(robot): pid for robot, pid in sorted((self.processes.pids or self.lines.pids).items())}
-        free = self.free
-        pace = {} if free is None else {
-            "iterations": free.iterations, "late": free.late, "behind": free.behind, "slipped": round(free.slipped, 3),
-            "missed": {str(robot): count for robot, count in sorted(free.missed.items())},
-        }  # fmt: skip
-        return {"robots": pids, **pace, "dropped": dict(sorted(self.lines.counts.items()))}
+    def processes(self) -> dict[str, int]:
+        """All processes, by name."""
+        return {"world": self.world, **{f"robot {robot}": pid for robot, pid in self.robots.items()}}
 
 
 def assembled(
@@ -102,7 +133,10 @@ def assembled(
 
     if pace is None and links == "real":
         raise InputError("--links real: in lockstep the world says who hears whom; expected a pace, as in --pace 10")
-    carried = (lambda part, fault: fault) if faults is None else faults.carried
+
+    def carried(part: Part[Fault], fault: Fault) -> Fault:
+        return made[0].carries(part, fault if faults is None else faults.carried(part, fault))
+
     run = build(scenario, name, world, watch=watch, carried=carried)
     nearest = nearest_of(scenario, made[0]) if real else 0
     period = 0.0 if pace is None else scenario.period / pace

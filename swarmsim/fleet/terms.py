@@ -12,7 +12,6 @@ from swarmsim.core.errors import InputError
 LATE: Final = 8  # iterations after which a frame that was heard on a real link counts no more
 PATIENCE: Final = 3  # periods without a fresh decision, after which a body stands
 
-FROM_ROBOTS: Final = "robots"  # the channel on which all robots tell the world
 AGAIN: Final = 1.0  # s between two knocks at the world's door
 
 Links = Literal["simulated", "real"]
@@ -41,6 +40,11 @@ class Terms(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             return msgspec.json.decode(data, type=cls)
         except msgspec.DecodeError as problem:
             raise InputError(f"the world's terms: {problem}; expected a world of this version") from problem
+
+
+def from_robot(robot: int) -> str:
+    """The channel on which one robot tells the world."""
+    return f"robots/{robot}"
 
 
 def from_world(robot: int) -> str:

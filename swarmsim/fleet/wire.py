@@ -146,16 +146,17 @@ def sensed_telegram(robot: int, sensed: Sensed, actuators: Channels) -> Telegram
     """What a robot senses."""
     flags = np.array([sensed.alive, sensed.forget, sensed.decided is not None])
     decided = () if sensed.decided is None else row_of(sensed.decided, 0, actuators)
-    arrays = (flags, sensed.pose, sensed.velocity, *map(np.asarray, sensed.readings), *decided)
+    faults = np.array(sensed.faults, np.int32)
+    arrays = (flags, faults, sensed.pose, sensed.velocity, *map(np.asarray, sensed.readings), *decided)
     return Telegram(SENSED, robot, sensed.iteration, arrays)
 
 
 def sensed_of(telegram: Telegram, channels: Channels, actuators: Channels) -> Sensed:
     """What a robot senses, with these channels. Raises FrameError."""
-    sides = 3 + len(channels)
+    sides = 4 + len(channels)
     if len(telegram.arrays) < sides:
         raise FrameError(f"readings of {len(telegram.arrays)} arrays; expected {sides}")
-    flags, pose, velocity, *columns = telegram.arrays
+    flags, faults, pose, velocity, *columns = telegram.arrays
     alive, forget, has_decided = _check(flags, "?", (3,), "flags").tolist()
     readings = tuple(
         _check(column, one.dtype, one.shape, one.name)
@@ -164,7 +165,7 @@ def sensed_of(telegram: Telegram, channels: Channels, actuators: Channels) -> Se
     decided = intents_of(telegram.arrays[sides:], actuators) if has_decided else None
     return Sensed(
         telegram.iteration, alive, _check(pose, "f8", (3,), "pose"), _check(velocity, "f8", (3,), "velocity"),
-        readings, decided, forget,
+        readings, decided, forget, tuple(_check(faults, "i4", (faults.size,), "faults").tolist()),
     )  # fmt: skip
 
 

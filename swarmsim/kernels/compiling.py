@@ -18,12 +18,17 @@ try:
     from numba import njit as njit
     from numba.core import config, event
     from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+    from numba.extending import intrinsic as intrinsic
 except ModuleNotFoundError:  # a robot without a compiler
     config = None
 
     def njit(**options):
         """Plain Python in the place of numba's decorator."""
         return lambda function: function
+
+    def intrinsic(function):
+        """Nothing that plain Python could call."""
+        return function
 
 
 def compiles() -> bool:

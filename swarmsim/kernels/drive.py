@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import math
 
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-
-from swarmsim.kernels.compiling import njit
+from swarmsim.kernels.compiling import intrinsic, njit
 
 ARRIVED = 0.1  # of the look-ahead distance: nearer than this to its last waypoint, a robot stands
 
@@ -16,6 +12,8 @@ ARRIVED = 0.1  # of the look-ahead distance: nearer than this to its last waypoi
 @intrinsic
 def _step(typingctx, function, space, dt):
     """Call `function(space, dt)`, given by its address, of a physics engine's space."""
+    from llvmlite import ir  # which robots without a compiler lack
+    from numba import types
 
     def code(context, builder, signature, args):
         anything = ir.IntType(8).as_pointer()
@@ -29,6 +27,8 @@ def _step(typingctx, function, space, dt):
 @intrinsic
 def _each(typingctx, function, space, callback, data):
     """Call `function(space, callback, data)`, all given by their addresses."""
+    from llvmlite import ir
+    from numba import types
 
     def code(context, builder, signature, args):
         anything = ir.IntType(8).as_pointer()

@@ -74,6 +74,7 @@ FUNCTIONS = {
 WITHOUT = {
     "view": "opens a window and takes keys until it is closed",
     "robot run": "is a process of its own until the world ends",
+    "robot halt": "is a hand at a switch",
 }
 #: Options that belong to a command alone, whatever its verb; for print there are `printing` and `StudyTable.written`.
 OF_COMMANDS = {"quiet", "as_json", "help", "pdf", "svg", "width", "font", "no_title", "style", "form"}

@@ -26,7 +26,7 @@ from swarmsim.fleet.lines import RobotLines
 from swarmsim.fleet.lockstep import LockstepEnd
 from swarmsim.fleet.opening import opened
 from swarmsim.fleet.robot_end import RobotEnd
-from swarmsim.fleet.terms import FROM_ROBOTS, Terms
+from swarmsim.fleet.terms import Terms, from_robot
 from swarmsim.fleet.transport import WORLD, LinkError
 from swarmsim.fleet.wire import Telegram
 from swarmsim.operations.mapping.sharing.codecs import TileCodec
@@ -177,12 +177,12 @@ def test_strangers_on_the_channel_are_counted_and_a_number_belongs_to_one() -> N
     world = transport("memory").open(place, WORLD)
     lines = RobotLines(world, fleet.charges(), Terms())
     crew = LockstepEnd(lines, NOTHING, fleet.minds.frame, lambda: "nobody is left")
-    stranger = transport("memory").open(place, 9).channel(FROM_ROBOTS)
-    for data in (b"", b"hello", Telegram(wire.DEED, 1).packed(), Telegram(wire.READY, 50).packed()):
+    stranger = transport("memory").open(place, 9).channel(from_robot(0))
+    for data in (b"", b"hello", Telegram(wire.DEED, 0).packed(), *(Telegram(wire.READY, i).packed() for i in (1, 50))):
         stranger.say(data)
     with pytest.raises(LinkError, match="nobody is left"):
         crew.gather()
-    assert lines.counts == {"no telegram": 3, "out of turn": 1}
+    assert lines.counts == {"no telegram": 2, "of another robot": 2, "out of turn": 1}
     for process in (11, 12):
         stranger.say(Telegram(wire.JOIN, 0, process).packed())
     with pytest.raises(InputError, match="two robots have joined as number 0, processes 11 and 12"):
@@ -195,6 +195,9 @@ def test_messages_longer_than_a_frame_are_refused_before_the_run() -> None:
     with pytest.raises(InputError, match=r"--transport udp: takes frames of 10 bytes; these robots may say 22 at once"):
         running._check_lengths(fleet, 10, "udp")
     sharing = 'mind.computation.sharing={use="map"}'
+    relay = 'mind.computation.sharing={use="relay", hops=5}'  # 14 other robots, 4 ages, 22 bytes each
+    with pytest.raises(InputError, match="takes frames of 1000 bytes; these robots may say 1253 at once"):
+        running._check_lengths(fleet_of(BASILICA, relay, iterations=2), 1000, "udp")
     with pytest.raises(InputError, match="takes frames of 1472 bytes; these robots may say 8830 at once"):
         running._check_lengths(fleet_of(BASILICA, sharing, iterations=2), 1472, "udp")
 

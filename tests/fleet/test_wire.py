@@ -112,7 +112,7 @@ def test_readings_and_decisions_have_the_form_that_the_charge_says(diary: Diary,
     channels, actuators = robot.context.channels, robot.context.actuators
     sensed = Telegram.read(diary.sensed[1])
     with pytest.raises(FrameError, match=r"tiles.values: uint8 of shape \(2, 7\); expected uint8 of \(6, 7\)"):
-        wire.sensed_of(Telegram(SENSED, 0, 1, (*sensed.arrays[:3], np.zeros((2, 7), np.uint8), *sensed.arrays[4:])),
+        wire.sensed_of(Telegram(SENSED, 0, 1, (*sensed.arrays[:4], np.zeros((2, 7), np.uint8), *sensed.arrays[5:])),
                        channels, actuators)  # fmt: skip
     deed = Telegram.read(diary.deeds[1])
     numbers = np.array([3, 0, 0], np.int32)

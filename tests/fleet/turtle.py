@@ -1,4 +1,7 @@
-"""A simulated robot with ROS 2 behind a bridge, whose messages rosbags packs and reads. `python turtle.py PORT`."""
+"""A simulated robot with ROS 2 behind a bridge, whose messages rosbags packs and reads.
+
+`python turtle.py PORT [X Y YAW]`.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,7 @@ def scan(ranges: list[float]) -> bytes:
     return bytes(STORE.serialize_cdr(told, "sensor_msgs/msg/LaserScan"))
 
 
-def live(port: int) -> None:
+def live(port: int, x: float = 0.0, y: float = 0.5, yaw: float = 0.0) -> None:
     """Drives as it is told, towards a wall at x = 2 m; prints each command that differs from the one before."""
     config = zenoh.Config()
     for key, value in {"mode": "router", "scouting/multicast/enabled": False}.items():
@@ -65,7 +68,7 @@ def live(port: int) -> None:
 
     held = session.declare_subscriber("robot3/cmd_vel", take)
     print("there", flush=True)
-    x, y, yaw, at = 0.0, 0.5, 0.0, time.monotonic()
+    at = time.monotonic()
     while held is not None:
         time.sleep(0.02)
         (ahead, turn), now = wanted, time.monotonic()
@@ -79,4 +82,4 @@ def live(port: int) -> None:
 
 
 if __name__ == "__main__":
-    live(int(sys.argv[1]))
+    live(int(sys.argv[1]), *map(float, sys.argv[2:]))

@@ -93,7 +93,11 @@ class Ros2Body:
             time.sleep(0.01)
 
     def sense(self) -> Felt:
-        """`ranges` has a distance (m) for each beam of `scan`, and `beams` its first bearing and their steps (rad)."""
+        """What it has told last.
+
+        `ranges` has a distance (m) for each beam of `scan`, infinite if nothing is within `reach` (m) and NaN for none
+        measured, and `beams` its first bearing and their steps (rad).
+        """
         if time.monotonic() - self._seen > _SILENCE:
             raise LinkError(f"adapter ros2: no odometry for {_SILENCE:g} s")
         with self._lock:
@@ -129,10 +133,7 @@ class Ros2Body:
 
     def _odometry(self, data: bytes) -> None:
         told = self._messages.RosOdometry.deserialize(data)
-        place, turned = told.pose.pose.position, told.pose.pose.orientation
-        yaw = math.atan2(
-            2.0 * (turned.w * turned.z + turned.x * turned.y), 1.0 - 2.0 * (turned.y * turned.y + turned.z * turned.z)
-        )
+        place, yaw = told.pose.pose.position, self._messages.yaw_of(told.pose.pose.orientation)
         found = (place.x, place.y, yaw, told.twist.twist.linear.x, told.twist.twist.angular.z)
         if not all(map(math.isfinite, found)):
             raise ValueError("not finite")
@@ -140,7 +141,9 @@ class Ros2Body:
 
     def _scan(self, data: bytes) -> None:
         told = self._messages.LaserScan.deserialize(data)
+        measured = (one if one >= told.range_min else math.nan for one in cast("list[float]", told.ranges))
         self._values = {
-            "ranges": tuple(cast("list[float]", told.ranges)),
+            "ranges": tuple(one if not one > told.range_max else math.inf for one in measured),
             "beams": (told.angle_min, told.angle_increment),
+            "reach": (told.range_max,),
         }

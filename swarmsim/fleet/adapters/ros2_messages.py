@@ -1,5 +1,6 @@
 """Messages of ROS 2, as pycdr2 packs them: the fields of common_interfaces, in their order."""
 
+import math
 from dataclasses import dataclass, field
 
 from pycdr2 import IdlStruct
@@ -47,6 +48,13 @@ class Quaternion(IdlStruct, typename="geometry_msgs/msg/Quaternion"):
     y: float64 = 0.0
     z: float64 = 0.0
     w: float64 = 1.0
+
+
+def yaw_of(turned: Quaternion) -> float:
+    """The angle (rad) around the vertical axis."""
+    return math.atan2(
+        2.0 * (turned.w * turned.z + turned.x * turned.y), 1.0 - 2.0 * (turned.y * turned.y + turned.z * turned.z)
+    )
 
 
 @dataclass

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import hmac
 from collections import Counter
 from collections.abc import Mapping
@@ -13,11 +12,11 @@ from msgspec import Meta, Struct
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import HEADER
 from swarmsim.core.scenario.part import Part
-from swarmsim.fleet.keyring import key_of, read_keys
-from swarmsim.fleet.transport import Heard, RobotLink, Transport, check_length
+from swarmsim.fleet.emergency import Halt
+from swarmsim.fleet.keyring import TAG, key_of, read_keys, tag
+from swarmsim.fleet.transport import WORLD, Heard, RobotLink, Transport, check_length
 
-TAG: Final = 8  # bytes: a forger succeeds once in 2^64 frames
-_PERSON: Final = b"swarmsim frames"  # BLAKE2's personalisation: no tag of another purpose is one of ours
+_PURPOSE: Final = b"swarmsim frames"
 _MOST: Final = 64  # frames of a robot in an iteration that are told apart; more count as replayed
 
 
@@ -25,8 +24,8 @@ class Signed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A tag of 8 bytes after each frame, keyed BLAKE2b (RFC 7693); what is forged or said again is not heard.
 
     Each robot signs with its own key. All keys are in one file that every robot has, so a robot that is taken over can
-    sign for any other. The sender's number and the iteration stand in the frame, where codecs put them. Channels are
-    not signed.
+    sign for any other; orders of the emergency stop are signed with the world's. The sender's number and the iteration
+    stand in the frame, where codecs put them. Channels are not signed.
     """
 
     over: Part[Transport] = Part("transport")  # what carries the frames
@@ -95,13 +94,13 @@ class SignedLink:
                 "before the sender's number, and a key for each robot"
             )
         self._now = max(self._now, iteration)
-        self._link.say(frame + _tag(frame, self._keys[self._robot]))
+        self._link.say(frame + tag(frame, self._keys[self._robot], _PURPOSE))
 
     def heard(self) -> list[Heard]:
         found = []
         for signed, strength in self._link.heard():
-            frame, tag = signed[:-TAG], signed[-TAG:]
-            if why := self._why_not(frame, tag):
+            frame = signed[:-TAG]
+            if why := self._why_not(frame, signed[-TAG:]):
                 self._refused[why] += 1
             else:
                 found.append((frame, strength))
@@ -123,13 +122,15 @@ class SignedLink:
         self._link.close()
 
     def _stamp(self, frame: bytes) -> tuple[int, int]:
-        """The sender and iteration that a frame names. Raises InputError for one without."""
+        """The sender and iteration that a frame names; the world for an order. Raises InputError for one without."""
+        if (order := Halt.read(frame)) is not None:
+            return WORLD, order.when
         if len(frame) < self._header + HEADER.size:
             raise InputError(f"transport signed: a frame of {len(frame)} bytes names no sender and iteration")
         sender, iteration = HEADER.unpack_from(frame, self._header)
         return sender, iteration
 
-    def _why_not(self, frame: bytes, tag: bytes) -> str:
+    def _why_not(self, frame: bytes, signed: bytes) -> str:
         """Why a frame is not let through; empty if it is."""
         if len(frame) > self.mtu:
             return "too long"
@@ -138,13 +139,9 @@ class SignedLink:
         sender, iteration = self._stamp(frame)
         if sender not in self._keys:
             return "unknown"
-        if not hmac.compare_digest(tag, _tag(frame, self._keys[sender])):
-            others = any(hmac.compare_digest(tag, _tag(frame, key)) for key in self._keys.values())
+        if not hmac.compare_digest(signed, tag(frame, self._keys[sender], _PURPOSE)):
+            others = any(hmac.compare_digest(signed, tag(frame, key, _PURPOSE)) for key in self._keys.values())
             return "wrong key" if others else "forged"
         window = self._windows.setdefault(sender, _Window())
         oldest = max(window.newest, self._now) - self._within
-        return "" if window.admits(iteration, tag, oldest) else "replayed"
-
-
-def _tag(frame: bytes, key: bytes) -> bytes:
-    return hashlib.blake2b(frame, digest_size=TAG, key=key, person=_PERSON).digest()
+        return "" if window.admits(iteration, signed, oldest) else "replayed"

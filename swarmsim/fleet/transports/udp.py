@@ -5,25 +5,24 @@ from __future__ import annotations
 import contextlib
 import selectors
 import socket
-import struct
 import threading
 import time
+from collections.abc import Mapping
 from typing import Annotated, Final
 
 from msgspec import Meta, Struct
 
 from swarmsim.core.errors import InputError
 from swarmsim.fleet.addresses import LOOPBACK, Address, Interface
+from swarmsim.fleet.keyring import key_of, read_keys
 from swarmsim.fleet.mailbox import AIR, BoxedLink, Mailbox
 from swarmsim.fleet.switch import LARGEST, Switch
 from swarmsim.fleet.transport import WORLD
+from swarmsim.fleet.transports.beacons import GONE, HERE, LONGEST, Beacons
 
 _WHO: Final = "transport udp"  # in messages
-_BEACON: Final = struct.Struct(">4si")  # a mark, and the sender's number
-_HERE, _GONE = b"here", b"gone"
 _LOOK: Final = 0.1  # s between two looks at what waits to be sent
 _BEACONS: Final = 6  # in the time of silence after which a robot counts as gone; more would take a large swarm's time
-_MOST: Final = 100_000  # robots whose beacons are kept
 _AT_ONCE: Final = 1024  # datagrams that are read from one socket before others have their turn
 _FRAMING: Final = 28 + 8 + 28  # bytes: UDP and IP, LLC, and the header and checksum of IEEE 802.11
 _PREAMBLE: Final = 192e-6  # s, the long preamble of IEEE 802.11b, which goes before broadcasts
@@ -37,6 +36,7 @@ class Udp(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     interface: str = LOOPBACK  # name or number of the interface to speak and listen on
+    keys: str = ""  # a file of keys, from `swarmsim radio keys`, that signs beacons; frames are signed by `signed`
     patience: Annotated[float, Meta(gt=0.0, le=3600.0)] = 5.0  # s, in which the host has to answer
     silence: Annotated[float, Meta(gt=0.1, le=3600.0)] = 3.0  # s without a beacon, after which a robot counts as gone
     mtu: Annotated[int, Meta(ge=1, le=65_507)] = 1472  # bytes of the longest frame: what one Ethernet frame holds
@@ -47,6 +47,14 @@ class Udp(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         place, interface = Address.of(address, _WHO), Interface.of(self.interface, _WHO)
         interface.check_reaches(place, _WHO)
         return _Station(self, place, interface, robot).link()
+
+    def secrets(self, robot: int) -> Mapping[int, bytes]:
+        """The keys of all, by number; none without a file. Raises InputError for a file without the robot's own."""
+        if not self.keys:
+            return {}
+        found = read_keys(self.keys, "udp")
+        key_of(robot, found, self.keys, "udp")
+        return found
 
     def airtime(self, length: int) -> float:
         """The time of a broadcast on Wi-Fi at the rate, in s."""
@@ -59,8 +67,7 @@ class _Station:
     def __init__(self, keys: Udp, place: Address, interface: Interface, robot: int) -> None:
         self._keys, self._place, self._interface, self._robot = keys, place, interface, robot
         self._box = Mailbox(AIR)
-        self._seen: dict[int, float] = {}  # when each other's beacon was last heard, s
-        self._lock = threading.Lock()
+        secrets = keys.secrets(robot)
         self._ends = threading.Event()
         places = (interface.broadcast, place.port), (interface.broadcast, place.port + 1), (interface.number, 0)
         with contextlib.ExitStack() as opened:
@@ -73,6 +80,7 @@ class _Station:
         self._selector.register(self._beacons, selectors.EVENT_READ, self._take_beacons)
         self._switch = Switch(place, listening, self._selector)
         self._box.counts = self._switch.counts
+        self._known = Beacons(robot, keys.silence, secrets, self._switch.counts)
         self._thread = threading.Thread(target=self._run, daemon=True, name=f"udp {robot}")
         self._thread.start()
 
@@ -101,7 +109,7 @@ class _Station:
         due = 0.0
         while not self._ends.is_set():
             if time.monotonic() >= due:
-                self._send(_BEACON.pack(_HERE, self._robot), self._place.port + 1)
+                self._send(self._known.made(HERE), self._place.port + 1)
                 due = time.monotonic() + self._keys.silence / _BEACONS
             for key, _ in self._selector.select(min(_LOOK, self._keys.silence / _BEACONS)):
                 key.data()
@@ -112,14 +120,8 @@ class _Station:
             self._box.put(frame)
 
     def _take_beacons(self) -> None:
-        for frame in self._received(self._beacons, _BEACON.size):
-            if len(frame) == _BEACON.size:
-                mark, robot = _BEACON.unpack(frame)
-                with self._lock:
-                    if mark == _GONE:
-                        self._seen.pop(robot, None)
-                    elif robot in self._seen or len(self._seen) < _MOST:
-                        self._seen[robot] = time.monotonic()
+        for frame in self._received(self._beacons, LONGEST):
+            self._known.take(frame)
 
     def _received(self, heard: socket.socket, most: int) -> list[bytes]:
         """What waits at a socket and is not our own; frames that are too long are counted."""
@@ -137,14 +139,12 @@ class _Station:
         return found
 
     def _others(self) -> set[int]:
-        now = time.monotonic()
-        with self._lock:
-            return {robot for robot, seen in self._seen.items() if now - seen < self._keys.silence} - {self._robot}
+        return self._known.present
 
     def _leave(self) -> None:
         self._ends.set()
         self._thread.join()
-        self._send(_BEACON.pack(_GONE, self._robot), self._place.port + 1)
+        self._send(self._known.made(GONE), self._place.port + 1)
         self._switch.close()
         self._selector.close()
         for one in (self._air, self._beacons, self._voice):

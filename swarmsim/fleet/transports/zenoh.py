@@ -99,12 +99,7 @@ def _guarded(keys: Zenoh, robot: int) -> dict[str, object]:
     rules = [_rule("hear", "ingress", _HEARS, f"{swarm}/**"), _rule("tell", "egress", _HEARS + _SAYS, f"{swarm}/**")]
     policies, subjects = [{"rules": ["hear", "tell"], "subjects": robots}], []
     for one in (number for number in known if number != WORLD):
-        own_places = (
-            f"{swarm}/air/{one}",
-            f"{swarm}/here/{one}",
-            f"{swarm}/control/**/{one}",
-            f"{swarm}/control/robots",
-        )
+        own_places = f"{swarm}/air/{one}", f"{swarm}/here/{one}", f"{swarm}/control/**/{one}"
         rules.append(_rule(f"as {user(one)}", "ingress", _SAYS, *own_places))
         subjects.append({"id": user(one), "usernames": [user(one)]})
         policies.append({"rules": [f"as {user(one)}"], "subjects": [user(one)]})

@@ -222,8 +222,10 @@ class GoalCodec:
 class RelayCodec:
     """One robot's current tile, then those that it relays."""
 
-    def __init__(self, shape: tuple[int, int]) -> None:
+    def __init__(self, shape: tuple[int, int], most: int) -> None:
+        """For tiles of this shape, of which a robot relays `most` at most; `longest` holds where none is delayed."""
         self._shape = shape
+        self.longest = current_tile_bytes(*shape) + most * relayed_tile_bytes(*shape)
 
     def pack(self, sender: int, iteration: int, items: RelayedItems) -> bytes:
         """The message; its first item is the sender's own."""

@@ -34,7 +34,7 @@ class RelaySharing:
 
     def __init__(self, context: BuildContext, hops: int) -> None:
         self._tile = tile_shape(context)
-        self.codec = RelayCodec(self._tile)
+        self.codec = RelayCodec(self._tile, (hops - 1) * (context.swarm - 1))  # one of each other robot for each age
         self._ids, self._hops = context.ids.astype(np.int32), hops
         self._known = KnownReadings(len(self._ids), context.swarm)
         self._relayed: Inbox[RelayedItems] | None = None  # for its receivers to tell
