@@ -310,7 +310,7 @@ def replayed_own(log: Path) -> bool:
 
 
 @pytest.mark.slow
-def test_a_thymio_drives_and_stands_when_its_mind_is_killed_halted_or_fenced(square: Path, tmp_path: Path) -> None:
+def test_a_thymio_drives_and_stands_when_its_mind_is_killed_or_halted(square: Path, tmp_path: Path) -> None:
     from swarmsim.api.fleets import robot_charge
 
     charge = robot_charge(square, tmp_path / "0.charge", allow_code=True)

@@ -209,6 +209,33 @@ def test_unknown_transports_and_addresses_are_refused_in_words() -> None:
         RobotEnd(transport("udp", patience=0.2).open(free(), 1), 1)
 
 
+def test_a_charge_of_another_scenario_is_refused_by_both_digests() -> None:
+    fleet, place = fleet_of(ROOM, iterations=2), "other charge"
+    other = fleet_of(ROOM, "robots.mass=2.0", iterations=2).charges()[0]
+    world = transport("memory").open(place, WORLD)
+    lines = RobotLines(world, fleet.charges(), Terms())
+    told: list[str] = []
+    crew = LockstepEnd(lines, NOTHING, fleet.minds.frame, lambda: "nobody is left" if told else "")
+
+    def join() -> None:
+        try:
+            RobotEnd(transport("memory").open(place, 0), 0, expected=other).run()
+        except InputError as problem:
+            told.append(str(problem))
+
+    robot = threading.Thread(target=join)
+    robot.start()
+    with pytest.raises(LinkError, match="nobody is left"):
+        crew.gather()
+    robot.join()
+    world.close()
+    assert len(told) == 1
+    assert told[0].startswith(
+        f"--charge: is of the scenario {other.title!r} with digest {other.scenario}, and the world "
+    )
+    assert fleet.charges()[0].scenario in told[0]
+
+
 def test_a_charge_is_a_file_of_what_one_robot_is_told(tmp_path: Path) -> None:
     words = ["robot", "charge", str(BASILICA), "--id", "3", "--out", str(tmp_path / "3.charge")]
     done = subprocess.run([sys.executable, "-m", "swarmsim", *words], capture_output=True, text=True, check=True)
