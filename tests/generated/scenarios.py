@@ -166,7 +166,7 @@ class _Draw:
                 table["task"] = self._part("task", tasks.get(job["use"], "settled"))
             if job["use"] == "locate-source":
                 table["field"] = self._smell()
-                table.setdefault("probes", []).append({"use": "sources", "every": 2})
+                table.setdefault("probes", []).append({"use": "sources", "name": "truth", "every": 2})
                 job["name"] = "beside"  # the mind may be one too
             if dice.random() < 0.5:
                 self._processors(table)
