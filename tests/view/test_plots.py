@@ -442,7 +442,8 @@ def test_on_a_dark_ground_all_that_was_black_is_light(draw):
     assert max(to_rgba(figure.get_facecolor())[:3]) < 0.15
     assert not dark
     lines = [line for axes in figure.axes for line in axes.lines]
-    assert all(colorsys.rgb_to_hls(*to_rgba(line.get_color())[:3])[1] > 0.4 for line in lines)
+    inks = [colour for line in lines for colour in (line.get_color(), line.get_markerfacecolor()) if colour != "none"]
+    assert all(colorsys.rgb_to_hls(*to_rgba(ink)[:3])[1] > 0.4 for ink in inks)
 
 
 def test_slides_have_large_letters_and_no_title_where_none_is_asked_for():

@@ -64,8 +64,8 @@ def replay_page(recording: Recording, beside: Recording | None = None) -> str:
 <p><label>look at <select id="robot"><option value="-1">all robots</option></select></label></p>
 <dl id="about"></dl>
 <fieldset id="layers"><legend>show</legend>{_boxes([json.loads(one["words"]) for one in packed])}</fieldset>
-<p class="hint">Space plays; arrows step; Home and End; click a robot to see its map; Escape shows all.
-Robots are drawn larger than they are where there is room.</p>
+<p class="hint">Space plays; arrows step; Home and End; i shows whole iterations only; click a robot to see its map;
+Escape shows all. Robots are drawn larger than they are where there is room.</p>
 </div></div>
 <div class="below">{below}</div></main>
 {data}"""

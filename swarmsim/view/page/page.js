@@ -30,7 +30,7 @@ class Run {
   mapOf(robot) { return this.raster("own", robot)?.values; }
   rowAt(time) { return Math.min(Math.floor(time), this.iterations - 1); }
   poseAt(time, robot) {
-    const row = this.rowAt(time), next = this.rowAt(row + 1), part = Math.min(time - row, 1), pose = this.data.pose;
+    const row = this.rowAt(time), next = this.rowAt(row + 1), part = state.smooth ? Math.min(time - row, 1) : 0, pose = this.data.pose;
     const a = 3 * (row * this.robots + robot), b = 3 * (next * this.robots + robot);
     let turn = (pose[b + 2] - pose[a + 2]) / 1000;
     turn -= 2 * Math.PI * Math.round(turn / (2 * Math.PI));
@@ -301,7 +301,7 @@ function stateOf(run, row, robot) {
 }
 
 const $ = name => document.getElementById(name);
-const state = { time: 0, playing: false, speed: 20, robot: -1, theme: "light", show: {} };
+const state = { smooth: !matchMedia("(prefers-reduced-motion: reduce)").matches, time: 0, playing: false, speed: 20, robot: -1, theme: "light", show: {} };
 let runs = [], views = [], longest = 0;
 
 function seek(time) {
@@ -424,7 +424,7 @@ async function start() {
   document.addEventListener("keydown", event => {
     const control = event.target.closest("input, select, button, summary, a"), ofRun = ["Home", "End"].includes(event.key) && control?.tagName === "SELECT";
     if (event.key !== "Escape" && control && !ofRun) return; // in the list of speeds Home and End are of the run too
-    const keys = { " ": () => play(!state.playing), ArrowRight: () => seek(state.time + 1), ArrowLeft: () => seek(state.time - 1), Home: () => seek(0), End: () => seek(longest), Escape: () => pick(-1) };
+    const keys = { " ": () => play(!state.playing), ArrowRight: () => seek(state.time + 1), ArrowLeft: () => seek(state.time - 1), Home: () => seek(0), End: () => seek(longest), Escape: () => pick(-1), i: () => { state.smooth = !state.smooth; render(); } };
     if (keys[event.key]) { event.preventDefault(); keys[event.key](); }
   });
   addEventListener("resize", resize);

@@ -35,9 +35,10 @@ def _turn(artist: Artist) -> None:
             if (box := artist.get_bbox_patch()) is not None:
                 _turn(box)
         case Line2D():
+            face, edge = artist.get_markerfacecolor(), artist.get_markeredgecolor()  # by default the line's colour
             artist.set_color(_turned(artist.get_color()))
-            artist.set_markerfacecolor(_turned(artist.get_markerfacecolor()))
-            artist.set_markeredgecolor(_turned(artist.get_markeredgecolor()))
+            artist.set_markerfacecolor(_turned(face))
+            artist.set_markeredgecolor(_turned(edge))
         case Patch():
             face, edge = artist.get_facecolor(), artist.get_edgecolor()
             artist.set_facecolor(_turned(face))
