@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 
 import grimp
 import networkx as nx
@@ -13,6 +14,7 @@ MOST_ANY = 90  # in annotations and code; mypy does not check them
 MOST_ASSERTS = 2  # `assert x is not None`: a better type needs none
 
 
+@cache
 def nodes() -> list[ast.AST]:
     """All nodes of the package's code."""
     files = sorted(PACKAGE.rglob("*.py"))
