@@ -29,9 +29,9 @@ robot: .venv/package
 expectations: .venv/package
 	$(BIN)/swarmsim test scenarios
 
-# What takes too long to wait for at every change; CI runs it, too.
+# What takes too long to wait for at every change. CI runs it, too, as far as its time goes.
 test-thorough: .venv/test
-	$(BIN)/pytest -m thorough -n 2 --dist worksteal
+	$(BIN)/pytest -m thorough -n 2 --dist worksteal $(ARGS)
 
 test-browser: .venv/browser
 	$(BIN)/pytest -m browser
