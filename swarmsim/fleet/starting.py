@@ -18,7 +18,7 @@ from swarmsim.fleet.robot_process import RobotAsked
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneRobot:
-    """What a command line asks for: see `RobotAsked` and `BodyAsked`, one of which it becomes."""
+    """What a command line asks for; it becomes a `RobotAsked` or a `BodyAsked`."""
 
     join: str
     id_: int | None = None

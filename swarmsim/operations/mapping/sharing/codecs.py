@@ -223,7 +223,7 @@ class RelayCodec:
     """One robot's current tile, then those that it relays."""
 
     def __init__(self, shape: tuple[int, int], most: int) -> None:
-        """For tiles of this shape, of which a robot relays `most` at most; `longest` holds where none is delayed."""
+        """For tiles of this shape. A robot relays at most `most` of them; `longest` is right if no message is late."""
         self._shape = shape
         self.longest = current_tile_bytes(*shape) + most * relayed_tile_bytes(*shape)
 
